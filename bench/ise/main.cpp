@@ -109,7 +109,7 @@ int main(int argc, char** argv) {
         if (asked.kind != "ise" && asked.kind != "ise-fast" && asked.kind != "ise-poll")
             throw std::invalid_argument("bench_ise has the kinds ise, ise-fast and ise-poll, not " + asked.kind);
         bench::allow_descriptors();
-        if (asked.work == "names") bench::measure_names(asked);
+        if (asked.work == "names") asked.serve ? bench::serve_names(asked) : bench::measure_names(asked);
         else if (asked.serve) bench::serve(asked);
         else bench::print(asked, bench::measure(asked));
         return 0;

@@ -1,60 +1,75 @@
-// A name server with many names: how long they take to register, resolves a second, and how long it takes until a
-// server that was started again knows them all.
+// A name server with many names: the nodes that hold them (`serve names`), and the one who asks for them.
 #include "collector.hpp"
 #include "programs.hpp"
 
-#include <ise/name_server/name_server.hpp>
+#include <ise/naming/services.hpp>
 #include <ise/service/service_host.hpp>
 
+#include <cinttypes>
 #include <cstdio>
 
 namespace bench {
 namespace {
 
-constexpr std::size_t services_each = 10;
 constexpr std::size_t asked_at_once = 64;
-constexpr auto lease = std::chrono::seconds(2);
+constexpr std::uint32_t page = 1000;
+constexpr auto look_again = std::chrono::milliseconds(10);
 
-// One of many: it provides ten services, and says no more.
+// Of equal length, so that they are listed in the order of their numbers.
+std::string name_of(std::size_t number) {
+    char digits[16];
+    std::snprintf(digits, sizeof digits, "%07zu", number);
+    return std::string("bench/named/") + digits;
+}
+
+// One of many: it provides its services and does nothing else.
 class named final : public ise::component {
+public:
+    explicit named(std::size_t services) : services_(services) {}
+
+private:
     ise::task<> run() override {
-        for (std::size_t i = 0; i != services_each; ++i) {
+        for (std::size_t i = 0; i != services_; ++i) {
             const ise::request_response<ask_memory, memory_used> service(echo_name(i));
             provide(service, [](ask_memory) { return memory_used(); });
         }
         co_return;
     }
-};
 
-std::string name_of(std::size_t number) { return "bench/named/" + std::to_string(number); }
+    std::size_t services_;
+};
 
 class asker final : public ise::component {
 public:
     asker(ise::endpoint server, std::size_t names) : server_(std::move(server)), names_(names) {}
 
-    /// Completes when the server knows all; gives the seconds since `since_ns`.
-    ise::task<double> until_whole(std::int64_t since_ns) {
+    /// Completes when the server has listed every name, and gives the time. A page is asked for again until it is
+    /// whole, so that looking costs the server little.
+    ise::task<std::int64_t> until_whole() {
         auto peer = at(server_);
-        for (;;) {
-            ise::naming::list_request all;
-            all.prefix = "bench/named";
-            std::size_t known = 0;
-            for (bool more = true; more;) {
-                auto page = co_await peer.try_call(ise::naming::list, all, generous);
-                if (!page) break;
-                known += page->names.size();
-                more = page->more && !page->names.empty();
-                if (more) all.after = page->names.back().path;
+        std::size_t seen = 0;
+        ise::naming::list_request wanted;
+        wanted.prefix = "bench/named";
+        wanted.limit = page;
+        while (seen != names_) {
+            auto listed = co_await peer.try_call(ise::naming::list, wanted, generous);
+            const auto before = seen;
+            if (listed) {
+                const auto due = std::min<std::size_t>(page, names_ - seen);
+                const bool whole =
+                    listed->names.size() >= due && listed->names[due - 1].path == name_of(seen + due - 1);
+                if (whole) {
+                    seen += due;
+                    wanted.after = listed->names[due - 1].path;
+                }
             }
-            if (known == names_) co_return static_cast<double>(now_ns() - since_ns) * 1e-9;
-            co_await sleep(std::chrono::milliseconds(20));
+            if (seen == before) co_await sleep(look_again);
         }
+        co_return now_ns();
     }
 
     ise::task<double> resolves_per_s(double seconds) {
         auto peer = at(server_);
-        resolved_ = 0;
-        done_ = false;
         for (std::size_t i = 0; i != asked_at_once; ++i) resolve_again(peer, i * 131);
         const auto began = now_ns();
         co_await sleep(std::chrono::nanoseconds(static_cast<std::int64_t>(seconds * 1e9)));
@@ -89,61 +104,37 @@ private:
     std::optional<ise::failure> failed_;
 };
 
-struct server {
-    explicit server(ise::environment& env, const ise::endpoint& at) : node(env, node_options()) {
-        ise::component_options how;
-        how.listen = {at};
-        how.registers = false;
-        where = node.start<ise::name_server>(std::string(ise::naming::server_path), std::move(how))
-                    .services()
-                    .listening()
-                    .front();
-    }
-    ~server() {
-        node.stop();
-        node.wait();
-    }
-    ise::node node;
-    ise::endpoint where;
-};
-
 } // namespace
+
+void serve_names(const options& asked) {
+    ise::real_environment env;
+    auto how_the_node = node_options();
+    how_the_node.use_names = true;
+    how_the_node.name_server = ise::endpoint::parse(asked.connect).value();
+    ise::node crowd(env, how_the_node);
+    for (std::size_t i = asked.first; i != asked.first + asked.outstanding; ++i) {
+        ise::component_options how;
+        how.listen = {ise::endpoint::parse("inproc://bench-named-" + std::to_string(i)).value()};
+        if (i != asked.first) how.together_with = name_of(asked.first);
+        crowd.start<named>(name_of(i), std::move(how), asked.services);
+    }
+    announce("started");
+    while (std::getchar() != EOF) {}
+    crowd.stop(); // which withdraws them
+    crowd.wait();
+}
 
 void measure_names(const options& asked) {
     ise::real_environment env;
-    auto first = std::make_unique<server>(env, ise::endpoint::parse("tcp://127.0.0.1:0").value());
-    const auto where = first->where;
-    auto options = node_options();
-    options.use_names = true;
-    options.name_server = where;
-    options.lease = lease;
-    ise::node crowd(env, options);
-    ise::node others(env, node_options());
-    auto& asking_one = others.start<asker>("bench/asker", asking(), where, asked.outstanding);
-
-    const auto began = now_ns();
-    for (std::size_t i = 0; i != asked.outstanding; ++i) {
-        ise::component_options how;
-        how.listen = {ise::endpoint::parse("inproc://bench-named-" + std::to_string(i)).value()};
-        if (i != 0) how.together_with = name_of(0);
-        crowd.start<named>(name_of(i), std::move(how));
-    }
-    const auto registered = asking_one.wait(asking_one.until_whole(began));
-    const auto rate = asking_one.wait(asking_one.resolves_per_s(asked.seconds));
-    first.reset();
-    const auto gone = now_ns();
-    const server second(env, where);
-    const auto whole_again = asking_one.wait(asking_one.until_whole(gone));
-    std::printf("{\"work\":\"names\",\"components\":%zu,\"services\":%zu,\"registered_s\":%.2f,\"resolves_per_s\":%.0f,"
-                "\"whole_again_s\":%.2f,"
-                "\"lease_s\":%lld}\n",
-                asked.outstanding, asked.outstanding * services_each, registered, rate, whole_again,
-                static_cast<long long>(lease.count()));
+    ise::node node(env, node_options());
+    const auto where = ise::endpoint::parse(asked.connect).value();
+    auto& one = node.start<asker>("bench/asker", asking(), where, asked.outstanding);
+    std::printf("{\"work\":\"names\",\"names\":%zu,", asked.outstanding);
+    if (asked.seconds > 0) std::printf("\"resolves_per_s\":%.0f}\n", one.wait(one.resolves_per_s(asked.seconds)));
+    else std::printf("\"whole_at_ns\":%" PRId64 "}\n", one.wait(one.until_whole()));
     std::fflush(stdout);
-    crowd.stop();
-    others.stop();
-    crowd.wait();
-    others.wait();
+    node.stop();
+    node.wait();
 }
 
 } // namespace bench

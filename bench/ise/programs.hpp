@@ -44,8 +44,11 @@ struct span {
 
 inline constexpr ise::duration generous = std::chrono::seconds(10); ///< the deadline of every call
 
-/// Work `names`, all in one process: `--outstanding` components with ten services each. Prints a line of JSON of its
-/// own.
+/// Work `names`: a node at the name server `--connect` with `--outstanding` components of `--services` services each,
+/// from the number `--first` on.
+void serve_names(const options& asked);
+/// Prints a line of JSON of its own: how many of `--outstanding` names the name server resolves a second, measured for
+/// `--seconds`; with 0 of these when it knew all.
 void measure_names(const options& asked);
 
 } // namespace bench

@@ -7,12 +7,12 @@
 namespace bench {
 namespace {
 
-std::size_t to_count(std::string_view name, std::string_view text, std::size_t most) {
+std::size_t to_count(std::string_view name, std::string_view text, std::size_t most, std::size_t least = 1) {
     std::size_t value = 0;
     const auto [end, wrong] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (wrong != std::errc{} || end != text.data() + text.size() || value == 0 || value > most) {
-        throw std::invalid_argument(std::string(name) + " takes a number from 1 to " + std::to_string(most) + ", not " +
-                                    std::string(text));
+    if (wrong != std::errc{} || end != text.data() + text.size() || value < least || value > most) {
+        throw std::invalid_argument(std::string(name) + " takes a number from " + std::to_string(least) + " to " +
+                                    std::to_string(most) + ", not " + std::string(text));
     }
     return value;
 }
@@ -56,15 +56,15 @@ options parse_options(int argc, char** argv) {
         else if (name == "--outstanding") out.outstanding = to_count(name, value, 1'000'000);
         else if (name == "--subscribers") out.subscribers = to_count(name, value, 1024);
         else if (name == "--services") out.services = to_count(name, value, 10'000);
+        else if (name == "--first") out.first = to_count(name, value, 1'000'000, 0);
         else if (name == "--seconds") out.seconds = to_seconds(name, value);
         else if (name == "--warmup") out.warmup_seconds = to_seconds(name, value);
         else throw std::invalid_argument("unknown option: " + std::string(name));
     }
     check_one_of("transport", out.transport, {"tcp", "local", "udp", "inproc", "oneloop"});
     if (out.serve && in_process(out)) throw std::invalid_argument("in process there is nothing to serve");
-    if (out.serve && out.work == "names") throw std::invalid_argument("names: one process does it all");
-    if (!out.serve && !in_process(out) && out.work != "names" && out.connect.empty())
-        throw std::invalid_argument("--connect is missing");
+    const bool connects = out.work == "names" || !out.serve; // also the nodes, to the name server
+    if (connects && !in_process(out) && out.connect.empty()) throw std::invalid_argument("--connect is missing");
     if (out.size_bytes < 8) throw std::invalid_argument("--size: at least 8 bytes, for a time stamp");
     return out;
 }
@@ -75,7 +75,7 @@ const char* usage() noexcept {
            "WORK: call, publish, paced; bench_ise: idle, names\n"
            "  --kind raw|asio|...            --transport tcp|local|udp|inproc|oneloop\n"
            "  --size BYTES                   --outstanding N   --subscribers N   --services N\n"
-           "  --seconds S                    --warmup S\n"
+           "  --first N (of names)           --seconds S       --warmup S\n"
            "See bench/README.md.\n";
 }
 

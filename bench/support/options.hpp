@@ -16,6 +16,7 @@ struct options {
     std::size_t outstanding = 1;
     std::size_t subscribers = 1;
     std::size_t services = 1; ///< of the serving component; calls go to each in turn
+    std::size_t first = 0;    ///< names: the number of the first
     double seconds = 1;
     double warmup_seconds = 0.2;
 };

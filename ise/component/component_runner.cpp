@@ -81,8 +81,8 @@ component_runner::component_runner(std::weak_ptr<component_owner> of, environmen
     services_ =
         std::make_unique<service_host>(env, on(), *connections_, std::move(self), node.services, log_, credentials);
     signs_ = services_->signs();
-    signs_->on_shorter([owner = node_] {
-        if (auto held = owner.lock()) held->watch_sooner();
+    signs_->on_shorter([owner = node_, signs = signs_.get()] {
+        if (auto held = owner.lock()) held->watch_sooner(signs->min_heartbeat());
     });
     services_->uses().on_change = [this] { services_changed(); };
     report_.path = path_;
@@ -351,13 +351,6 @@ void component_runner::lose_name(const failure& why) {
     services_->set_epoch(0);
     services_->pause(why, grace_ / 2);
     component_->on_name_lost(why);
-}
-
-bool component_runner::poke() {
-    if (over()) return true;
-    if (poked_.exchange(true)) return false;
-    on().gate()->post([self = shared_from_this()] { self->poked_ = false; });
-    return true;
 }
 
 stop_report component_runner::report() const {

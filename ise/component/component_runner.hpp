@@ -60,8 +60,6 @@ public:
 
     // For the node: from any thread.
     void on_name_change(result<std::uint64_t> epoch);
-    /// Asks the loop to show that it turns; true if the question before was answered.
-    bool poke();
     /// Through which peers hear that it lives while its loop does not turn.
     net::heartbeat_senders& signs() noexcept { return *signs_; }
     std::atomic<bool> stalled{false};
@@ -101,7 +99,6 @@ private:
     logger log_;
     std::atomic<component_state> state_{component_state::starting};
     std::atomic<bool> stop_asked_{false};
-    std::atomic<bool> poked_{false};
     std::atomic<bool> ended_{false};
     std::atomic<duration::rep> stop_limit_{duration::max().count()}; // when it is given up
     std::shared_ptr<net::heartbeat_senders> signs_;

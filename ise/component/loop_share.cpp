@@ -9,6 +9,7 @@
 #include <asio/strand.hpp>
 
 #include <future>
+#include <utility>
 
 namespace ise {
 
@@ -68,6 +69,13 @@ void loop_share::run_alone(function_ref<void()> work) {
     } catch (const std::future_error&) { // dropped unrun
         throw error(errc::cancelled, "the loop ended before the component could be started on it");
     }
+}
+
+bool loop_share::turns(time_point at) {
+    if (std::exchange(asked_at_, at) == at) return turned_;
+    turned_ = !asked_->exchange(true);
+    if (turned_) host->loop().gate()->post([asked = asked_] { *asked = false; });
+    return turned_;
 }
 
 } // namespace ise

@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/core/function_ref.hpp>
 #include <ise/core/loop.hpp>
+#include <ise/core/time.hpp>
 
 #include <atomic>
 #include <condition_variable>
@@ -21,6 +22,10 @@ public:
     /// errc::would_block_self where waiting would hold up the thread that has to run it.
     void run_alone(function_ref<void()> work);
 
+    /// Whether the loop has turned since it was asked last; asks again. By one thread, and once for all its components
+    /// in a round: `at` is the round's time.
+    bool turns(time_point at);
+
     std::unique_ptr<loop_host> host;
     const bool adopted;             ///< it runs on an executor of the embedding program
     std::atomic<int> unfinished{0}; ///< components that have not stopped; the last one ends an adopted loop
@@ -37,6 +42,9 @@ private:
     void let_in();
 
     std::shared_ptr<entrance> entrance_;
+    std::shared_ptr<std::atomic<bool>> asked_ = std::make_shared<std::atomic<bool>>(false);
+    time_point asked_at_ = time_point::min();
+    bool turned_ = true;
 };
 
 } // namespace ise

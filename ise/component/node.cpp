@@ -92,6 +92,7 @@ node::~node() {
     {
         std::lock_guard lock(state_->mutex);
         for (auto& runner : state_->runners) by_loop[runner->share().get()].push_back(runner);
+        state_->by_path.clear();
         state_->runners.clear();
     }
     for (auto& [share, runners] : by_loop) {

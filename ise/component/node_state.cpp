@@ -34,7 +34,7 @@ void node_state::watch_loops() {
     std::vector<std::shared_ptr<component_runner>> all;
     {
         std::lock_guard lock(mutex);
-        all = runners;
+        all.assign(runners.begin(), runners.end());
     }
     auto now = loop().now();
     auto period = watch_period;
@@ -45,7 +45,8 @@ void node_state::watch_loops() {
             period = std::min(period, runner->signs().min_heartbeat() / 2);
         }
         if (now < poke_at) continue;
-        bool turning = runner->poke();
+        bool turning = runner->over() || runner->share()->turns(now);
+        if (!turning && runner->stop_asked()) continue; // many that stop at once keep their loop busy
         if (runner->stalled.exchange(!turning) == !turning) continue;
         if (turning) {
             log.info("a component goes on", {{"component", runner->path()}});
@@ -57,10 +58,15 @@ void node_state::watch_loops() {
             kept_names->set_state(runner->path(), turning ? name_of(runner->state()) : "stalled");
     }
     if (now >= poke_at) poke_at = now + watch_period;
+    watched_every = period;
     watch->arm(now + period);
 }
 
-void node_state::watch_sooner() {
+void node_state::watch_sooner(duration heartbeat) {
+    auto every = watched_every.load();
+    do {
+        if (heartbeat / 2 >= every) return;
+    } while (!watched_every.compare_exchange_weak(every, heartbeat / 2));
     loop().gate()->post([weak = weak_from_this()] {
         auto held = weak.lock();
         if (held && held->watch) held->watch_loops();
@@ -70,8 +76,9 @@ void node_state::watch_sooner() {
 std::shared_ptr<component_runner> node_state::find(const std::string& path) const {
     std::lock_guard lock(mutex);
     std::shared_ptr<component_runner> stopped;
-    for (const auto& runner : runners) {
-        if (runner->path() != path) continue;
+    auto [first, last] = by_path.equal_range(path);
+    for (; first != last; ++first) {
+        const auto& runner = *first->second;
         if (!runner->over()) return runner;
         stopped = runner;
     }
@@ -81,14 +88,21 @@ std::shared_ptr<component_runner> node_state::find(const std::string& path) cons
 void node_state::take_in(const std::shared_ptr<component_runner>& made) {
     std::shared_ptr<component_runner> old;
     std::unique_lock lock(mutex);
-    for (auto& runner : runners) {
-        if (made->path().empty() || runner->path() != made->path()) continue;
+    auto [first, last] = by_path.equal_range(made->path());
+    auto replaced = last;
+    if (made->path().empty()) first = last;
+    for (; first != last; ++first) {
+        const auto& runner = *first->second;
         if (!runner->over()) throw error(errc::name_taken, fmt::format("this node runs '{}' already", made->path()));
         bool alone = !runner->share()->adopted && runner->share().use_count() == 1;
-        if (runner->ended() && alone && !runner->on().running_here()) old = runner;
+        if (runner->ended() && alone && !runner->on().running_here()) replaced = first;
     }
-    if (old) std::erase(runners, old);
-    runners.push_back(made);
+    if (replaced != last) {
+        old = std::move(*replaced->second);
+        runners.erase(replaced->second);
+        by_path.erase(replaced);
+    }
+    by_path.emplace(made->path(), runners.insert(runners.end(), made));
     lock.unlock();
     // What it posted last may hold it still: it must not go on its own thread.
     if (old) old->share()->host->end();
@@ -96,7 +110,11 @@ void node_state::take_in(const std::shared_ptr<component_runner>& made) {
 
 void node_state::let_go(const component_runner& which) {
     std::lock_guard lock(mutex);
-    std::erase_if(runners, [&](const auto& runner) { return runner.get() == &which; });
+    auto [first, last] = by_path.equal_range(which.path());
+    auto found = std::find_if(first, last, [&](const auto& one) { return one.second->get() == &which; });
+    if (found == last) return;
+    runners.erase(found->second);
+    by_path.erase(found);
 }
 
 std::shared_ptr<loop_share> node_state::loop_for(const std::string& path, const component_options& wanted) {
@@ -118,13 +136,13 @@ void node_state::stop_all() {
     std::vector<std::shared_ptr<component_runner>> all;
     {
         std::lock_guard lock(mutex);
-        all = runners;
+        all.assign(runners.begin(), runners.end());
     }
     for (auto& runner : all) runner->stop();
 }
 
-bool node_state::all_stopped() const {
-    return std::ranges::all_of(runners, [](const auto& runner) { return runner->over(); });
+bool node_state::all_stopped() const { // they are stopped in their order, so that mostly the last one tells
+    return std::all_of(runners.rbegin(), runners.rend(), [](const auto& runner) { return runner->over(); });
 }
 
 void node_state::on_stopped() {

@@ -3,9 +3,12 @@
 #include <ise/component/component_runner.hpp>
 #include <ise/component/node_options.hpp>
 
+#include <atomic>
 #include <condition_variable>
+#include <list>
 #include <map>
 #include <mutex>
+#include <string>
 #include <vector>
 
 namespace ise {
@@ -23,8 +26,8 @@ struct node_state final : component_owner, std::enable_shared_from_this<node_sta
     registrar* names() const noexcept override { return kept_names.get(); }
     void start_names();
     void watch_loops();
-    /// Looks at once, and as often as peers want from then on. From any thread.
-    void watch_sooner() override;
+    /// Looks at once, and often enough from then on, unless it does already. From any thread.
+    void watch_sooner(duration heartbeat) override;
     void stop_all() override;
     void on_stopped() override;
     bool all_stopped() const;
@@ -47,10 +50,12 @@ struct node_state final : component_owner, std::enable_shared_from_this<node_sta
     std::unique_ptr<registrar> kept_names;
     std::unique_ptr<timer> watch;
     time_point poke_at{};
+    std::atomic<duration> watched_every{watch_period}; // from any thread
 
     mutable std::mutex mutex;
     std::condition_variable changed;
-    std::vector<std::shared_ptr<component_runner>> runners;
+    std::list<std::shared_ptr<component_runner>> runners; // as they were started
+    std::multimap<std::string, std::list<std::shared_ptr<component_runner>>::iterator> by_path;
     std::vector<unique_function<void()>> when_stopped;
     const security credentials;
 };

@@ -42,8 +42,18 @@ registry::registry(registry_options options, std::uint64_t incarnation, time_poi
                    registry_memory memory)
     : options_(options), incarnation_(incarnation), memory_(memory),
       last_epoch_(std::min(std::max(microseconds_of(wall), memory.epochs_below), highest_epoch)),
-      recovered_(saturating_add(now, options.recovery)), last_seen_(now), schemas_(options.limits.schemas) {
+      recovered_(saturating_add(now, options.recovery)), last_seen_(now), schemas_(options.limits.schemas),
+      by_path_(0, path_hash(memory_.secret)) {
     options_.lease = std::max(options_.lease, min_lease);
+}
+
+std::size_t registry::path_hash::operator()(std::string_view path) const {
+    return net::udp::keyed_hash(secret_, as_bytes(path));
+}
+
+registry::by_name::iterator registry::find(std::string_view path) {
+    auto found = by_path_.find(path);
+    return found == by_path_.end() ? components_.end() : found->second;
 }
 
 // --- time ---------------------------------------------------------------------------------------------------------
@@ -72,7 +82,7 @@ void registry::end(std::unordered_map<std::uint64_t, node>::iterator gone, end_o
     who.process_id = gone->second.who.process_id;
     who.at = at;
     for (const auto& path : paths) {
-        who.epoch = components_.at(path).claim.epoch;
+        who.epoch = find(path)->second.claim.epoch;
         remember(path, who);
         remove(path);
     }
@@ -155,7 +165,7 @@ naming::grant registry::decide(node& from, naming::component_claim claim, time_p
         return epoch;
     };
 
-    if (auto held = components_.find(path); held != components_.end()) {
+    if (auto held = find(path); held != components_.end()) {
         auto& holder = held->second;
         auto epoch = holder.claim.epoch;
         if (holder.owner == &from)
@@ -165,7 +175,7 @@ naming::grant registry::decide(node& from, naming::component_claim claim, time_p
             auto* loser = holder.owner;
             auto granted = accept(from, std::move(claim), believed || shown <= last_epoch_ ? shown : fresh());
             if (granted.what == verdict::granted)
-                loser->lost[path] = denied(path, verdict::superseded, components_.at(path), at);
+                loser->lost[path] = denied(path, verdict::superseded, find(path)->second, at);
             return granted;
         }
         return denied(path, shown != 0 ? verdict::superseded : verdict::taken, holder, at);
@@ -179,7 +189,7 @@ naming::grant registry::decide(node& from, naming::component_claim claim, time_p
 
 naming::grant registry::accept(node& from, naming::component_claim claim, std::uint64_t epoch) {
     const auto& limits = options_.limits;
-    auto held = components_.find(claim.path);
+    auto held = find(claim.path);
     bool is_new = held == components_.end();
     auto services = services_ + claim.services.size() - (is_new ? 0 : held->second.claim.services.size());
     auto claims_bytes = claims_bytes_ + memory_of(claim) - (is_new ? 0 : memory_of(held->second.claim));
@@ -210,6 +220,7 @@ naming::grant registry::accept(node& from, naming::component_claim claim, std::u
     schemas_.use(claim.services);
     if (is_new) {
         held = components_.try_emplace(path).first;
+        by_path_.emplace(held->first, held);
     } else {
         schemas_.release(held->second.claim.services);
         held->second.owner->paths.erase(path);
@@ -257,7 +268,7 @@ void registry::withdraw(const naming::withdraw_request& request, time_point now)
     auto& from = found->second;
     for (const auto& gone : request.departures) {
         from.lost.erase(gone.path);
-        auto held = components_.find(gone.path);
+        auto held = find(gone.path);
         if (held != components_.end() && held->second.owner == &from &&
             held->second.claim.incarnation == gone.incarnation)
             remove(gone.path);
@@ -287,13 +298,14 @@ result<naming::ended_response> registry::end(const naming::ended_request& reques
 }
 
 void registry::remove(const std::string& path) {
-    auto held = components_.find(path);
+    auto held = find(path);
     note(naming::name_change::removed, held->second);
     schemas_.release(held->second.claim.services);
     services_ -= held->second.claim.services.size();
     claims_bytes_ -= memory_of(held->second.claim);
     leave_roles(held->second);
     held->second.owner->paths.erase(held->first);
+    by_path_.erase(held->first);
     components_.erase(held);
 }
 

@@ -101,6 +101,16 @@ private:
         node* owner = nullptr;
     };
 
+    using by_name = std::map<std::string, component, std::less<>>;
+    class path_hash { // keyed, since peers choose the paths
+    public:
+        explicit path_hash(const std::array<std::uint64_t, 2>& secret) : secret_(secret) {}
+        std::size_t operator()(std::string_view path) const; // not noexcept: libstdc++ then keeps what it gives
+
+    private:
+        std::array<std::uint64_t, 2> secret_;
+    };
+
     enum class end_of_lease { ran_out, reported }; // reported: by whoever started the process
     struct last_holder {
         std::uint64_t epoch = 0;
@@ -110,6 +120,7 @@ private:
         time_point at{};
     };
 
+    by_name::iterator find(std::string_view path);
     time_point running_time(time_point now);
     void renew_lease(node& of, time_point at);
     void expire(time_point at);
@@ -141,11 +152,12 @@ private:
     time_point last_seen_;
     duration stalled_{}; // did not run for so long
     schema_store schemas_;
-    std::map<std::string, component, std::less<>> components_;
-    std::unordered_map<std::uint64_t, node> nodes_;                   // by lease key
-    std::set<std::pair<time_point, std::uint64_t>> expiries_;         // of nodes
-    std::map<std::string, last_holder, std::less<>> last_held_;       // of names that expired
-    std::map<std::string, std::set<std::string>, std::less<>> roles_; // who serves them, by path
+    by_name components_;
+    std::unordered_map<std::string_view, by_name::iterator, path_hash> by_path_; // the same: found in one step
+    std::unordered_map<std::uint64_t, node> nodes_;                              // by lease key
+    std::set<std::pair<time_point, std::uint64_t>> expiries_;                    // of nodes
+    std::map<std::string, last_holder, std::less<>> last_held_;                  // of names that expired
+    std::map<std::string, std::set<std::string>, std::less<>> roles_;            // who serves them, by path
     std::set<std::string> changed_roles_;
     std::size_t services_ = 0;
     std::size_t claims_bytes_ = 0;

@@ -20,8 +20,8 @@ std::optional<std::string> objection_to_path(const std::string& path, const regi
 
 std::size_t memory_of(const naming::component_claim& claim) {
     constexpr std::size_t entry = 96; // of a map or set, with an empty text
-    std::size_t total = sizeof claim + 3 * (entry + claim.path.size()) + claim.type.size() + claim.state.size() +
-                        claim.waits_for.size();
+    std::size_t total = sizeof claim + entry + 3 * (entry + claim.path.size()) + claim.type.size() +
+                        claim.state.size() + claim.waits_for.size();
     for (const auto& endpoint : claim.endpoints) total += sizeof endpoint + endpoint.size();
     for (const auto& service : claim.services)
         total += sizeof service + service.name.size() + service.fingerprints.size() * (sizeof(std::uint64_t) + entry);

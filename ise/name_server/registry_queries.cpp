@@ -10,7 +10,7 @@ namespace ise {
 result<naming::resolve_response> registry::resolve(std::string_view path, time_point now) {
     auto at = running_time(now);
     expire(at);
-    auto held = components_.find(path);
+    auto held = find(path);
     if (held == components_.end() && roles_.contains(path)) {
         auto serving = members_of(path, now);
         naming::resolve_response found;
@@ -53,7 +53,7 @@ naming::role_members registry::members_of(std::string_view role, time_point now)
     auto known = roles_.find(role);
     if (known == roles_.end()) return found;
     for (const auto& path : known->second) {
-        const auto& who = components_.find(path)->second;
+        const auto& who = find(path)->second;
         found.members.push_back(member(who, who.claim.roles.at(found.role)));
     }
     std::ranges::sort(found.members, {},
@@ -117,7 +117,7 @@ naming::lost_response registry::lost(std::string_view prefix, time_point now) {
 result<naming::describe_response> registry::describe(std::string_view path, time_point now) {
     auto at = running_time(now);
     expire(at);
-    auto held = components_.find(path);
+    auto held = find(path);
     if (held == components_.end())
         return failure(errc::no_such_name, fmt::format("no component is registered as '{}'", path));
     const auto& entry = held->second;

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 
 namespace ise {
 
@@ -14,8 +15,8 @@ namespace ise {
 struct held_name {
     held_name(loop& on, registration of) : who(std::move(of)), answered(on, [this] { answered.resume(); }) {}
 
-    /// Whether the server is to be told now.
-    bool due(time_point now) const noexcept { return told != version && !refused && not_before <= now; }
+    /// Whether the server is to be told, from `not_before` on.
+    bool to_tell() const noexcept { return told != version && !refused; }
     naming::component_claim claim() const;
 
     /// Takes the server's answer. A failure: the name is not ours, and will not be (name_taken, superseded, refused).
@@ -25,12 +26,17 @@ struct held_name {
     /// been on its way when its sender died, and the lease of the dead ends soon.
     result<void> take(const naming::grant& answer, time_point now, duration lease);
 
+    /// Where it stands among those to tell: since when, and behind how many of the same time.
+    using place = std::pair<time_point, std::uint64_t>;
+
     registration who;
-    std::uint64_t epoch = 0;   ///< 0: never granted
-    std::uint64_t proof = 0;   ///< of the epoch, as the server gave it
-    std::uint64_t shown = 0;   ///< the epoch that the node was told of last
-    std::uint64_t version = 1; ///< of what is to be told…
-    std::uint64_t told = 0;    ///< …and of what the server knows
+    std::optional<place> waits_at; ///< while the server is to be told
+    std::uint64_t epoch = 0;       ///< 0: never granted
+    std::uint64_t proof = 0;       ///< of the epoch, as the server gave it
+    std::uint64_t shown = 0;       ///< the epoch that the node was told of last
+    std::uint64_t version = 1;     ///< of what is to be told…
+    std::uint64_t told = 0;        ///< …of what the server knows…
+    std::uint64_t sent = 0;        ///< …and of the request that is not answered yet
     time_point not_before = time_point::min();
     std::optional<naming::holder> other; ///< who was found to hold it first
     std::string obstacle;                ///< why it was not granted yet

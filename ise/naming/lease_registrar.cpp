@@ -13,7 +13,7 @@ namespace {
 
 using naming::verdict;
 
-constexpr std::size_t batch_size = 256; // names told in one request
+constexpr std::size_t max_batch = 256; // names told in one request
 constexpr duration min_patience = std::chrono::milliseconds(200);
 constexpr duration max_pause = std::chrono::milliseconds(500);
 
@@ -21,7 +21,8 @@ constexpr duration max_pause = std::chrono::milliseconds(500);
 
 lease_registrar::lease_registrar(service_host& host, endpoint name_server, duration lease)
     : host_(host), server_(std::move(name_server)), lease_(std::max(lease, duration(std::chrono::milliseconds(50)))),
-      lease_key_(host.env().random() | 1), news_(host.on(), [this] { news_.resume(); }) {
+      lease_key_(host.env().random() | 1), batch_size_(max_batch),
+      told_departures_(host.on(), [this] { told_departures_.resume(); }), news_(host.on(), [this] { news_.resume(); }) {
     auto way = host_.link_to(server_, std::string(naming::server_path));
     way->hurry(std::min(lease_ / 4, max_pause), std::max(lease_ / 2, min_patience));
     names_ = remote(std::move(way));
@@ -43,11 +44,11 @@ task<result<std::uint64_t>> lease_registrar::enroll(registration who, duration d
     auto path = who.path;
     auto& on = host_.on();
     auto until = saturating_add(on.now(), deadline);
-    departures_.erase(path); // the same node's next life replaces the last one
-    auto& entry = holdings_[path];
-    entry = std::make_unique<held_name>(on, std::move(who));
-    auto* mine = entry.get();
+    forget_departure(path); // the same node's next life replaces the last one
+    take_out(path);
+    auto* mine = holdings_.emplace(path, std::make_unique<held_name>(on, std::move(who))).first->second.get();
     mine->enrolling = true;
+    line_up(*mine);
     wake();
 
     timer late(on, [mine] { mine->answered.resume(); });
@@ -65,7 +66,7 @@ task<result<std::uint64_t>> lease_registrar::enroll(registration who, duration d
     if (mine->epoch != 0) co_return mine->epoch;
     if (mine->refused) {
         auto why = *mine->refused;
-        holdings_.erase(path);
+        take_out(path);
         co_return why;
     }
     const auto& why = mine->obstacle.empty() ? obstacle_ : mine->obstacle;
@@ -78,6 +79,7 @@ void lease_registrar::update(registration who) {
     if (found == holdings_.end() || found->second->who.incarnation != who.incarnation) return;
     found->second->who = std::move(who);
     ++found->second->version;
+    line_up(*found->second);
     wake();
 }
 
@@ -86,31 +88,54 @@ void lease_registrar::set_state(const std::string& path, std::string_view state)
     if (found == holdings_.end() || found->second->who.state == state) return;
     found->second->who.state = state;
     ++found->second->version;
+    line_up(*found->second);
     wake();
 }
 
 task<> lease_registrar::withdraw(std::string path) {
-    auto found = holdings_.find(path);
-    if (found == holdings_.end()) co_return;
-    auto incarnation = found->second->who.incarnation;
-    auto gone = std::move(found->second);
-    holdings_.erase(found);
+    auto gone = take_out(path);
+    if (!gone) co_return;
+    auto incarnation = gone->who.incarnation;
     gone->answered.resume();
-    departures_[path] = incarnation;
-    // Where many leave at once, each would tell of all: one does, and the others wait for it.
+    leave(path, incarnation);
+    // Where many leave at once, one at a time tells of as many as a request holds.
     const auto tried = departures_tried_;
-    while (leaves(path, incarnation) && departures_failed_ <= tried) co_await tell_departures();
+    while (leaves(path, incarnation) && departures_failed_ <= tried) {
+        if (telling_departures_) {
+            co_await departures_.at(path).over.wait();
+        } else {
+            co_await tell_departures();
+        }
+    }
     wake();
 }
 
 task<> lease_registrar::farewell() {
     const auto tried = departures_tried_;
-    while (!departures_.empty() && confirmed() && departures_failed_ <= tried) co_await tell_departures();
+    while (!departures_.empty() && confirmed() && departures_failed_ <= tried) {
+        if (telling_departures_) {
+            co_await told_departures_.wait();
+        } else {
+            co_await tell_departures();
+        }
+    }
+}
+
+void lease_registrar::leave(const std::string& path, std::uint64_t incarnation) {
+    forget_departure(path);
+    departures_.try_emplace(path, host_.on(), incarnation);
+}
+
+void lease_registrar::forget_departure(const std::string& path) {
+    auto known = departures_.find(path);
+    if (known == departures_.end()) return;
+    known->second.over.resume();
+    departures_.erase(known);
 }
 
 bool lease_registrar::leaves(const std::string& path, std::uint64_t incarnation) const noexcept {
     auto known = departures_.find(path);
-    return known != departures_.end() && known->second == incarnation;
+    return known != departures_.end() && known->second.incarnation == incarnation;
 }
 
 // --- the coroutine that keeps the lease ---------------------------------------------------------------------------
@@ -120,11 +145,12 @@ task<> lease_registrar::keep(lease_registrar& self) {
     while (!self.host_.scope().stopping()) {
         auto now = self.host_.on().now();
         bool reached = true;
-        if (!self.departures_.empty()) {
+        bool ages = !self.holdings_.empty() && self.renew_at_ <= now; // departures do not renew the lease
+        if (!self.departures_.empty() && !self.telling_departures_ && !ages) {
             reached = co_await self.tell_departures();
-        } else if (!self.next_batch().empty()) {
+        } else if (self.due(now)) {
             reached = co_await self.tell();
-        } else if (!self.holdings_.empty() && self.renew_at_ <= now) {
+        } else if (ages) {
             reached = co_await self.renew();
         } else {
             co_await self.pause_until(self.next_event());
@@ -139,9 +165,7 @@ task<> lease_registrar::keep(lease_registrar& self) {
 
 time_point lease_registrar::next_event() const {
     auto at = holdings_.empty() ? time_point::max() : renew_at_;
-    for (const auto& [path, name] : holdings_)
-        if (name->told != name->version && !name->refused) at = std::min(at, name->not_before);
-    return at;
+    return to_tell_.empty() ? at : std::min(at, to_tell_.begin()->first.first);
 }
 
 task<> lease_registrar::pause_until(time_point at) {
@@ -156,13 +180,30 @@ void lease_registrar::wake() {
     news_.resume();
 }
 
-std::vector<held_name*> lease_registrar::next_batch() {
+void lease_registrar::line_up(held_name& name) {
+    if (name.waits_at && name.to_tell() && name.waits_at->first >= name.not_before) return; // it keeps its place
+    if (name.waits_at) to_tell_.erase(*name.waits_at);
+    name.waits_at.reset();
+    if (!name.to_tell()) return;
+    name.waits_at.emplace(std::max(name.not_before, host_.on().now()), ++lined_up_);
+    to_tell_.emplace(*name.waits_at, &name);
+}
+
+std::unique_ptr<held_name> lease_registrar::take_out(const std::string& path) {
+    auto found = holdings_.find(path);
+    if (found == holdings_.end()) return nullptr;
+    auto gone = std::move(found->second);
+    holdings_.erase(found);
+    if (gone->waits_at) to_tell_.erase(*gone->waits_at);
+    return gone;
+}
+
+std::vector<held_name*> lease_registrar::next_batch() const {
     auto now = host_.on().now();
     std::vector<held_name*> batch;
-    for (auto& [path, name] : holdings_) {
-        if (!name->due(now)) continue;
-        batch.push_back(name.get());
-        if (batch.size() == batch_size) break;
+    for (const auto& [place, name] : to_tell_) {
+        if (place.first > now || batch.size() == batch_size_) break;
+        batch.push_back(name);
     }
     return batch;
 }
@@ -198,28 +239,25 @@ naming::register_request lease_registrar::request_of(const std::vector<held_name
 task<bool> lease_registrar::tell() {
     auto batch = next_batch();
     auto request = request_of(batch);
-    struct told_state {
-        std::uint64_t incarnation;
-        std::uint64_t version;
-    };
-    std::map<std::string, told_state> told;
-    for (const auto* name : batch) told.emplace(name->who.path, told_state{name->who.incarnation, name->version});
+    for (auto* name : batch) name->sent = name->version;
     auto sent_at = host_.on().now();
     auto answer = co_await names_.try_call(naming::enroll, std::move(request),
                                            std::max(lease_, duration(std::chrono::seconds(1))));
     if (!answer) {
+        if (answer.error().code() == errc::timed_out) batch_size_ = std::max<std::size_t>(batch_size_ / 2, 1);
         unreachable(answer.error());
         co_return false;
     }
+    // Twice as many still arrive within the lease, also where it is the bytes that take so long.
+    if (host_.on().now() - sent_at < lease_ / 4) batch_size_ = std::min(batch_size_ * 2, max_batch);
     lease_granted(sent_at, answer->lease);
     look_at_lease(answer->server_incarnation, answer->lease_number);
     for (auto& grant : answer->grants) {
         auto found = holdings_.find(grant.path);
-        auto of = told.find(grant.path);
         // It may have been withdrawn meanwhile, or be another life's.
-        if (found == holdings_.end() || of == told.end() || found->second->who.incarnation != of->second.incarnation)
-            continue;
-        if (grant.what == verdict::granted) found->second->told = of->second.version;
+        if (found == holdings_.end() || found->second->sent == 0) continue;
+        auto sent = std::exchange(found->second->sent, 0);
+        if (grant.what == verdict::granted) found->second->told = sent;
         take(std::move(grant));
     }
     co_return true;
@@ -233,6 +271,7 @@ void lease_registrar::take(naming::grant answer) {
         give_up(answer.path, taken.error());
         return;
     }
+    line_up(name);
     if (answer.what == verdict::granted && !answer.reason.empty())
         host_.log().warning("the name server has an objection", {{"component", answer.path}, {"cause", answer.reason}});
     if (answer.what == verdict::wait && !waited && !name.enrolling)
@@ -250,16 +289,15 @@ void lease_registrar::take(naming::grant answer) {
 
 // A name that was denied, or lost: whoever waits for it hears of it, else the node.
 void lease_registrar::give_up(const std::string& path, failure why) {
-    auto found = holdings_.find(path);
-    auto& name = *found->second;
+    auto& name = *holdings_.at(path);
     if (name.enrolling) {
         name.refused = std::move(why);
+        line_up(name);
         name.answered.resume(); // which removes it
         return;
     }
-    auto lost = std::move(found->second);
-    holdings_.erase(found);
-    departures_[path] = lost->who.incarnation; // so that the server does not tell of it again
+    auto lost = take_out(path);
+    leave(path, lost->who.incarnation); // so that the server does not tell of it again
     wake();
     if (on_change) on_change(path, std::move(why));
 }
@@ -284,31 +322,19 @@ task<bool> lease_registrar::renew() {
     co_return true;
 }
 
-// One at a time; who comes meanwhile waits for its end, and is told how it went.
+// One request at a time.
 task<bool> lease_registrar::tell_departures() {
-    if (telling_departures_) {
-        const auto awaited = departures_tried_; // the next may have begun when this goes on
-        waiter<> told(host_.on(), [&told] { told.resume(); });
-        await_departures_.push_back(&told);
-        co_await told.wait();
-        std::erase(await_departures_, &told);
-        co_return departures_failed_ < awaited;
-    }
     telling_departures_ = true;
-    auto end = [this] {
-        telling_departures_ = false;
-        for (auto* other : await_departures_) other->resume();
-    };
     const auto number = ++departures_tried_;
     std::vector<naming::departure> told;
     std::optional<failure> why;
     try {
-        for (const auto& [path, incarnation] : departures_) {
-            naming::departure gone;
-            gone.path = path;
-            gone.incarnation = incarnation;
-            told.push_back(std::move(gone));
-            if (told.size() == batch_size) break;
+        for (const auto& [path, gone] : departures_) {
+            naming::departure made;
+            made.path = path;
+            made.incarnation = gone.incarnation;
+            told.push_back(std::move(made));
+            if (told.size() == max_batch) break;
         }
         naming::withdraw_request request;
         request.lease_key = lease_key_;
@@ -317,18 +343,26 @@ task<bool> lease_registrar::tell_departures() {
             co_await names_.try_call(naming::withdraw, std::move(request), std::max(lease_ / 3, min_patience));
         if (!answer) why = answer.error();
     } catch (...) { // what it would have told comes with the next try
-        end();
+        end_of_telling();
         throw;
     }
-    end();
     if (why) {
         departures_failed_ = number;
+        for (auto& [path, gone] : departures_) gone.over.resume();
         unreachable(*why);
-        co_return false;
+    } else {
+        for (const auto& gone : told)
+            if (leaves(gone.path, gone.incarnation)) forget_departure(gone.path);
     }
-    for (const auto& gone : told)
-        if (leaves(gone.path, gone.incarnation)) departures_.erase(gone.path);
-    co_return true;
+    end_of_telling();
+    co_return !why;
+}
+
+void lease_registrar::end_of_telling() {
+    telling_departures_ = false;
+    told_departures_.resume();
+    if (!departures_.empty()) departures_.begin()->second.over.resume(); // its turn to tell
+    wake();
 }
 
 void lease_registrar::lease_granted(time_point sent_at, duration length) {
@@ -345,8 +379,14 @@ void lease_registrar::lease_granted(time_point sent_at, duration length) {
 // answer need not have arrived, so every answer says which lease it is about.
 void lease_registrar::look_at_lease(std::uint64_t server, std::uint64_t number) {
     auto before = std::exchange(lease_known_, std::pair(server, number));
-    if (before == lease_known_) return;
-    for (auto& [path, name] : holdings_) name->told = 0;
+    if (before != lease_known_) tell_again_all();
+}
+
+void lease_registrar::tell_again_all() {
+    for (auto& [path, name] : holdings_) {
+        name->told = 0;
+        line_up(*name);
+    }
 }
 
 // It was restarted, or we were away for too long: everything is told again, with the epochs that were granted.
@@ -355,8 +395,8 @@ void lease_registrar::lease_lost() {
                      {{"name_server", server_.text()}});
     valid_until_ = time_point::min();
     renew_at_ = time_point::max();
-    for (auto& [path, name] : holdings_) name->told = 0;
-    departures_.clear();
+    tell_again_all();
+    while (!departures_.empty()) forget_departure(departures_.begin()->first);
 }
 
 void lease_registrar::unreachable(const failure& why) {

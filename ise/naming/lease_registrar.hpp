@@ -9,7 +9,6 @@
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -44,12 +43,26 @@ public:
     std::uint64_t epoch_of(const std::string& path) const noexcept;
 
 private:
+    struct departing {
+        departing(loop& on, std::uint64_t life) : incarnation(life), over(on, [this] { over.resume(); }) {}
+        std::uint64_t incarnation;
+        waiter<> over; // for the one who withdrew it: the server knows, or does not answer, or it is their turn to tell
+    };
+
     static task<> keep(lease_registrar& self);
     task<bool> tell();
     task<bool> renew();
     task<bool> tell_departures();
     bool leaves(const std::string& path, std::uint64_t incarnation) const noexcept;
-    std::vector<held_name*> next_batch();
+    void leave(const std::string& path, std::uint64_t incarnation);
+    void forget_departure(const std::string& path);
+    void end_of_telling();
+    /// Keeps `to_tell_` true after a change of what the server is to be told of a name, or when.
+    void line_up(held_name& name);
+    void tell_again_all();
+    bool due(time_point now) const { return !to_tell_.empty() && to_tell_.begin()->first.first <= now; }
+    std::vector<held_name*> next_batch() const;
+    std::unique_ptr<held_name> take_out(const std::string& path);
     naming::register_request request_of(const std::vector<held_name*>& batch) const;
     void take(naming::grant answer);
     void give_up(const std::string& path, failure why);
@@ -67,11 +80,14 @@ private:
     remote names_;
     std::uint64_t lease_key_;
     std::map<std::string, std::unique_ptr<held_name>> holdings_;
-    std::map<std::string, std::uint64_t> departures_; // incarnations that the server has not been told to forget
-    std::uint64_t departures_tried_ = 0;              // so often it was told of some
-    std::uint64_t departures_failed_ = 0;             // the last of these that was not answered
+    std::map<held_name::place, held_name*> to_tell_; // of the holdings
+    std::uint64_t lined_up_ = 0;                     // so often
+    std::size_t batch_size_; // names told in one request; fewer over a slow link, lest the lease runs out meanwhile
+    std::map<std::string, departing> departures_; // until the server has been told to forget them
+    std::uint64_t departures_tried_ = 0;          // so often it was told of some
+    std::uint64_t departures_failed_ = 0;         // the last of these that was not answered
     bool telling_departures_ = false;
-    std::vector<waiter<>*> await_departures_; // its end
+    waiter<> told_departures_; // of some: for `farewell`
     time_point renew_at_ = time_point::max();
     std::atomic<time_point> valid_until_{time_point::min()};
     std::pair<std::uint64_t, std::uint64_t> lease_known_{}; // the server's incarnation, and its number there

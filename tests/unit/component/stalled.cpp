@@ -4,6 +4,8 @@
 #include <ise/core/real/environment.hpp>
 #include <ise/service/service_host.hpp>
 
+#include <asio/post.hpp>
+
 #include <condition_variable>
 #include <future>
 
@@ -83,6 +85,33 @@ TEST_CASE("a component whose thread is busy is shown as stalled, and its node go
     release.open();
     recovered.pass();
     CHECK_FALSE(of("busy").stalled);
+}
+
+TEST_CASE("components that share a loop are shown as stalled together, and go on together") {
+    gate first, second, first_goes_on, second_goes_on, release;
+    ise::real_environment env;
+    ise::node node(env, options_with([&](const ise::log_record& record) {
+                       auto line = ise::format_line(record);
+                       auto told = [&](const char* what, const char* which) {
+                           return line.find(what) != std::string::npos && line.find(which) != std::string::npos;
+                       };
+                       if (told("is stalled", "crew/first")) first.open();
+                       if (told("is stalled", "crew/second")) second.open();
+                       if (told("goes on", "crew/first")) first_goes_on.open();
+                       if (told("goes on", "crew/second")) second_goes_on.open();
+                   }));
+    auto& blocks = node.start<beacon>("crew/first");
+    ise::component_options beside;
+    beside.together_with = "crew/first";
+    node.start<beacon>("crew/second", std::move(beside));
+    asio::post(blocks.get_executor(), [&] { release.pass(); });
+    first.pass();
+    second.pass();
+    for (const auto& each : node.components()) CHECK(each.stalled);
+    release.open();
+    first_goes_on.pass();
+    second_goes_on.pass();
+    for (const auto& each : node.components()) CHECK_FALSE(each.stalled);
 }
 
 TEST_CASE("sessions of a component that computes for many heartbeats last, over every transport") {
