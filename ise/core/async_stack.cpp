@@ -1,6 +1,7 @@
 #include <ise/core/async_stack.hpp>
 
-#include <cerrno>
+#include <asio/error.hpp>
+
 #include <system_error>
 
 namespace ise {
@@ -32,7 +33,7 @@ void async_stack::cancel() {
 }
 
 void async_stack::throw_cancelled() {
-    throw std::system_error(ECANCELED, std::system_category(), "co_await"); // asio::error::operation_aborted
+    throw std::system_error(asio::error::operation_aborted, "co_await");
 }
 
 } // namespace ise

@@ -2,10 +2,10 @@
 
 #include <ise/core/error.hpp>
 
+#include <asio/error.hpp>
 #include <asio/executor_work_guard.hpp>
 #include <asio/post.hpp>
 
-#include <cerrno>
 #include <system_error>
 #include <utility>
 
@@ -120,7 +120,7 @@ bool is_cancellation(const std::exception_ptr& problem) noexcept {
     try {
         std::rethrow_exception(problem);
     } catch (const std::system_error& thrown) {
-        return thrown.code() == std::error_code(ECANCELED, std::system_category());
+        return thrown.code() == asio::error::operation_aborted;
     } catch (const error& thrown) {
         return thrown.code() == errc::cancelled;
     } catch (...) {

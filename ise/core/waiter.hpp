@@ -26,6 +26,7 @@ struct no_value {};
 template <class T = void>
 class waiter final : public suspended {
     using value = std::conditional_t<std::is_void_v<T>, detail::no_value, T>;
+    using outcome = std::conditional_t<std::is_same_v<T, std::error_code>, void, T>;
 
 public:
     waiter(loop& owner, unique_function<void()> on_cancel) : loop_(owner), on_cancel_(std::move(on_cancel)) {}
@@ -48,7 +49,7 @@ public:
         void await_suspend(std::coroutine_handle<Promise> coroutine) {
             at_->begin(*this, coroutine.promise().stack());
         }
-        T await_resume() {
+        outcome await_resume() {
             if constexpr (std::is_same_v<T, std::error_code>) {
                 if (*came_) throw std::system_error(*came_);
             } else if constexpr (!std::is_void_v<T>) {

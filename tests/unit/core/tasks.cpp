@@ -254,7 +254,7 @@ TEST_CASE("wherever a task is when its io_context goes, all its coroutines are d
             };
             ise::async_run(io.get_executor(), outer(), asio::detached);
             for (int n = 0; n < steps && io.poll_one() > 0; ++n) {}
-            CHECK(alive > 0);
+            if (steps > 0) CHECK(alive > 0);
         }
         CHECK(alive == 0);
         if (steps == 39) CHECK(ended);
