@@ -2,7 +2,6 @@
 
 #include "text.hpp"
 
-#include <asio/this_coro.hpp>
 
 #include <fmt/format.h>
 
@@ -70,7 +69,7 @@ task<> plan_executor::execute(std::vector<deployment::step> steps, manner how) {
     }
     in_.ctrl_c.leave();
     scope_.stop();
-    co_await asio::this_coro::reset_cancellation_state();
+    co_await this_task::forget_cancellation;
     co_await scope_.join();
     if (cancelled) std::rethrow_exception(cancelled);
 }
@@ -163,7 +162,7 @@ void plan_executor::on_interrupt() {
                             : "interrupted: what was done stays");
     for (auto& one : jobs_)
         if (one.now != phase::waiting && one.cancel && one.what.what == action::start)
-            one.cancel->emit(asio::cancellation_type::terminal);
+            one.cancel->cancel();
     if (changed_) changed_->resume();
 }
 

@@ -3,8 +3,6 @@
 #include <ise/call/waiting_calls.hpp>
 #include <ise/session/service_runtime.hpp>
 
-#include <asio/use_awaitable.hpp>
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -15,14 +13,7 @@ call_worker::call_worker(call_service& service, service_runtime& runtime)
     : service_(service), runtime_(runtime), wake_(runtime.on(), nullptr),
       deadline_(runtime.on(), [this] { expire(); }) {}
 
-task<bool> call_worker::next() {
-    return asio::async_initiate<const asio::use_awaitable_t<>, void(bool)>(
-        [this](auto handler) {
-            wake_.begin(std::move(handler));
-            service_.idle(*this);
-        },
-        asio::use_awaitable);
-}
+void call_worker::be_idle() { service_.idle(*this); }
 
 void call_worker::begin(incoming_call call, time_point began) {
     call_ = std::move(call);
@@ -67,7 +58,7 @@ void call_worker::expire() {
 }
 
 void call_worker::give_up() {
-    if (busy_ && cancel_) cancel_->emit(asio::cancellation_type::terminal);
+    if (busy_ && coroutine_) coroutine_->cancel();
 }
 
 void call_worker::answer(outgoing_packet response) {
@@ -174,7 +165,7 @@ void call_service::add_worker() {
             call_service& of;
             call_worker& who;
             ~leaving() {
-                who.cancel_ = nullptr;
+                who.coroutine_ = nullptr;
                 if (!of.runtime_.on().abandoned()) return;
                 auto calls = of.waiting_->take_all();
                 who.wanted_ = false;
@@ -184,9 +175,9 @@ void call_service::add_worker() {
         co_await who.run();
     };
     auto executor = with_context(runtime_.on().get_executor(), &worker.context_);
-    worker.cancel_ =
+    worker.coroutine_ =
         runtime_.scope().spawn("handler of " + name_, body(shared_from_this(), worker), std::move(executor));
-    if (worker.cancel_) return;
+    if (worker.coroutine_) return;
     workers_.pop_back();
     for (auto& entry : waiting_->take_all())
         entry.call.from->refuse(entry.call.id, failure(errc::cancelled, "the component stops"));

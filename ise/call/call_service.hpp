@@ -37,7 +37,19 @@ protected:
 
     /// Waits for the next call; false: no more will come. Only the service ends this wait: to hear of a cancellation
     /// costs memory, at each call.
-    task<bool> next();
+    class next_call final : public waiter<bool>::operation {
+    public:
+        explicit next_call(call_worker& worker) noexcept : operation(worker.wake_), worker_(worker) {}
+        template <class Promise>
+        void await_suspend(std::coroutine_handle<Promise> coroutine) {
+            operation::await_suspend(coroutine);
+            worker_.be_idle();
+        }
+
+    private:
+        call_worker& worker_;
+    };
+    next_call next() noexcept { return next_call(*this); }
     /// Whether somebody still waits for it and it is not too late to begin; else it is over.
     bool may_begin();
     void answer(outgoing_packet response);
@@ -45,6 +57,7 @@ protected:
     const call_context& context() const noexcept { return context_; }
 
 private:
+    void be_idle();
     void begin(incoming_call call, time_point began);
     void note_waiting(const call_origin& from);
     bool finish();
@@ -53,7 +66,7 @@ private:
     call_service& service_;
     service_runtime& runtime_;
     waiter<bool> wake_;
-    asio::cancellation_signal* cancel_ = nullptr; // of its coroutine
+    async_stack* coroutine_ = nullptr;
     timer deadline_;
     incoming_call call_;                   // context_ borrows the name of who called
     bool wanted_ = false;                  // somebody waits for the answer

@@ -9,26 +9,6 @@ namespace {
 // A record that is used again keeps no more room for a request than this.
 constexpr std::size_t kept_capacity = 4096;
 
-struct cancel_operation {
-    pending_call* call;
-    void (*give_up)(pending_call&);
-    cancel_operation(pending_call* of, void (*how)(pending_call&)) : call(of), give_up(how) {}
-    void operator()(asio::cancellation_type kind) {
-        if (kind == asio::cancellation_type::none) return;
-        // A slot must not be cleared from inside its own handler: let go first.
-        if (auto* held = std::exchange(call, nullptr)) {
-            held->cancelling = true;
-            give_up(*held);
-        }
-    }
-};
-
-// Takes the place, and the memory, of one whose call has ended. Memory that Asio itself lets go when the coroutine goes
-// on is there for its next call; what was let go before, for many calls that end together, is not.
-struct nothing_to_cancel {
-    void operator()(asio::cancellation_type) const noexcept {}
-};
-
 } // namespace
 
 void let_go_of_owner::operator()(call_owner* held) const noexcept {
@@ -40,8 +20,7 @@ pending_call::pending_call(pending_calls& of)
 
 void pending_call::drop() noexcept {
     alarm.disarm();
-    if (!std::exchange(cancelling, false) && slot.is_connected()) slot.clear();
-    slot = {};
+    desk.unbind(*this);
     auto dropped = std::move(done);
 }
 
@@ -61,20 +40,28 @@ pending_call& pending_calls::open() {
     return *call;
 }
 
-void pending_calls::watch(pending_call& call, asio::cancellation_slot slot) {
-    call.slot = slot;
-    call.cancelling = false;
-    if (!slot.is_connected()) return;
-    slot.emplace<cancel_operation>(&call,
-                                   [](pending_call& given_up) { given_up.desk.give_up(given_up, errc::cancelled); });
+void pending_calls::bind(pending_call& call, call_cancellation& by) noexcept {
+    call.cancellation = &by;
+    by.call_ = &call;
+}
+
+void pending_calls::unbind(pending_call& call) noexcept {
+    if (auto* by = std::exchange(call.cancellation, nullptr)) by->call_ = nullptr;
+}
+
+call_cancellation::~call_cancellation() {
+    if (call_) call_->cancellation = nullptr;
+}
+
+void call_cancellation::cancel() {
+    if (call_) call_->desk.give_up(*call_, errc::cancelled);
 }
 
 void pending_calls::end(pending_call& call, const call_outcome& outcome) {
     if (!call.done) return; // dropped: the loop has ended
     on_.delist(call);
     call.alarm.disarm();
-    if (!std::exchange(call.cancelling, false) && call.slot.is_connected()) call.slot.emplace<nothing_to_cancel>();
-    call.slot = {};
+    unbind(call);
     auto done = std::move(call.done);
     auto* made_in = std::exchange(call.made_in, nullptr);
     auto owner = std::move(call.owner); // lives until the completion has run
@@ -103,7 +90,7 @@ void pending_calls::fail(pending_call& call, const failure& why) {
 }
 
 void pending_calls::abandon(pending_call& call) {
-    if (call.slot.is_connected()) call.slot.clear();
+    unbind(call);
     on_.delist(call);
     auto dropped = std::move(call.done);
     auto owner = std::move(call.owner);

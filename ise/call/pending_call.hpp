@@ -6,8 +6,6 @@
 #include <ise/session/carried_packet.hpp>
 #include <ise/session/contract.hpp>
 
-#include <asio/cancellation_signal.hpp>
-
 #include <memory>
 #include <string>
 #include <utility>
@@ -45,6 +43,22 @@ protected:
     ~call_holder() = default;
 };
 
+/// With which whoever waits for a call gives it up. It does nothing before the call begins and after it has ended.
+class call_cancellation {
+public:
+    call_cancellation() = default;
+    call_cancellation(const call_cancellation&) = delete;
+    call_cancellation& operator=(const call_cancellation&) = delete;
+    ~call_cancellation();
+
+    void cancel();
+
+private:
+    friend class pending_calls;
+    friend struct pending_call;
+    pending_call* call_ = nullptr;
+};
+
 /// One call from its beginning to its outcome. Pooled: steady calling allocates none of these.
 struct pending_call final : suspended {
     explicit pending_call(pending_calls& of);
@@ -57,8 +71,7 @@ struct pending_call final : suspended {
     const call_context* made_in = nullptr; ///< the handler that waits for it
     call_completion done;
     timer alarm;
-    asio::cancellation_slot slot;
-    bool cancelling = false;
+    call_cancellation* cancellation = nullptr;
 
     call_state state = call_state::starting;
     call_holder* holder = nullptr; ///< null while it is starting
@@ -132,8 +145,8 @@ public:
     /// The loop has ended: nothing completes it any more, whoever waits is unwound.
     void abandon(pending_call& call);
 
-    /// Binds the cancellation of whoever waits.
-    void watch(pending_call& call, asio::cancellation_slot slot);
+    /// `by` cancels it from now on.
+    void bind(pending_call& call, call_cancellation& by) noexcept;
 
     /// Where the numbers of an owner's calls begin: no two owners of a component share any.
     std::uint64_t next_range() noexcept { return (++ranges_ << 40) + 1; }
@@ -143,6 +156,8 @@ public:
 
 private:
     friend struct pending_call;
+    friend class call_cancellation;
+    static void unbind(pending_call& call) noexcept;
     void give_up(pending_call& call, errc why);
 
     loop& on_;

@@ -2,8 +2,6 @@
 #include <ise/call/call_service.hpp>
 #include <ise/packet/codec.hpp>
 
-#include <asio/this_coro.hpp>
-
 #include <concepts>
 #include <functional>
 #include <memory>
@@ -48,9 +46,7 @@ private:
                 }
                 if (problem) answer(*problem);
                 // A cancelled call leaves its mark on the coroutine; the next call must not see it.
-                auto state = co_await asio::this_coro::cancellation_state;
-                if (state.cancelled() != asio::cancellation_type::none)
-                    co_await asio::this_coro::reset_cancellation_state();
+                co_await this_task::forget_cancellation;
             }
         }
 

@@ -1,4 +1,5 @@
 #include <ise/component/component_runner.hpp>
+#include <ise/asio.hpp>
 
 #include <ise/call/provide.hpp>
 #include <ise/component/health.hpp>
@@ -6,8 +7,6 @@
 #include <ise/service/session.hpp>
 #include <ise/subscription/publication_core.hpp>
 
-#include <asio/bind_cancellation_slot.hpp>
-#include <asio/co_spawn.hpp>
 #include <asio/post.hpp>
 
 #include <fmt/format.h>
@@ -166,10 +165,9 @@ task<> component_runner::enroll([[maybe_unused]] std::shared_ptr<component_runne
     auto owner = node_.lock();
     if (!owner) co_return;
     // On the node's loop; not cancelled from here, it ends by its deadline.
+    co_await this_task::ignore_cancellation;
     auto asked = owner->names()->enroll(describe_for_names(), name_wait);
-    auto granted =
-        co_await asio::co_spawn(owner->loop().get_executor(), std::move(asked),
-                                asio::bind_cancellation_slot(asio::cancellation_slot(), asio::use_awaitable));
+    auto granted = co_await async_run(owner->loop().get_executor(), std::move(asked), use_task);
     if (granted) {
         services_->set_epoch(*granted);
         log_.info("registered", {{"epoch", std::to_string(*granted)}});

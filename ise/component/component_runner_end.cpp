@@ -1,10 +1,10 @@
 // How a component fails, is restarted, and ends.
 #include <ise/component/component_runner.hpp>
 
+#include <ise/core/async_run.hpp>
 #include <ise/core/sleep.hpp>
 #include <ise/service/session.hpp>
 
-#include <asio/co_spawn.hpp>
 #include <asio/detached.hpp>
 #include <asio/post.hpp>
 
@@ -75,7 +75,7 @@ void component_runner::stop() {
     stop_limit_ = saturating_add(env_.now(), grace_ * 3 + std::chrono::milliseconds(100)).time_since_epoch().count();
     // Through the gate, as everything from other threads: a loop that has ended meanwhile keeps nothing.
     on().gate()->post(
-        [self = shared_from_this()] { asio::co_spawn(self->on().get_executor(), shut_down(self), asio::detached); });
+        [self = shared_from_this()] { async_run(self->on().get_executor(), shut_down(self), asio::detached); });
 }
 
 // Its own coroutines first, then its sessions say goodbye, then everything that carried them.
@@ -85,7 +85,7 @@ task<> component_runner::shut_down(std::shared_ptr<component_runner> self) {
     if (!me.over()) me.state_ = component_state::stopping;
     if (auto owner = me.node_.lock();
         owner && owner->names() && me.announcing_ && !me.path_.empty() && me.options_.registers)
-        asio::co_spawn(owner->loop().get_executor(), owner->names()->withdraw(me.path_), asio::detached);
+        async_run(owner->loop().get_executor(), owner->names()->withdraw(me.path_), asio::detached);
 
     std::vector<std::string> still;
     auto note = [&still](const task_scope& scope) {

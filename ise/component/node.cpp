@@ -1,4 +1,5 @@
 #include <ise/component/node.hpp>
+#include <ise/asio.hpp>
 
 #include <ise/component/left_behind.hpp>
 #include <ise/component/live_parameters.hpp>
@@ -7,7 +8,6 @@
 #include <ise/naming/lease_registrar.hpp>
 #include <ise/naming/services.hpp>
 
-#include <asio/co_spawn.hpp>
 #include <asio/use_future.hpp>
 
 #include <fmt/format.h>
@@ -82,7 +82,7 @@ node::~node() {
                 co_await held->scope->join_until(saturating_add(held->loop().now(), held->options.grace));
             }
         };
-        asio::co_spawn(state_->loop().get_executor(), closing(state_),
+        async_run(state_->loop().get_executor(), closing(state_),
                        [&closed](std::exception_ptr) { closed.set_value(); });
         over.get();
     }
@@ -159,22 +159,21 @@ void node::wait() {
 }
 
 task<> node::stopped() {
-    return asio::async_initiate<const asio::use_awaitable_t<>, void()>(
-        [](auto handler, std::shared_ptr<node_state> held) {
-            auto executor = asio::get_associated_executor(handler);
-            unique_function<void()> resume = [handler = std::move(handler), executor]() mutable {
-                asio::post(executor, std::move(handler));
-            };
-            {
-                std::lock_guard lock(held->mutex);
-                if (!held->all_stopped()) {
-                    held->when_stopped.push_back(std::move(resume));
-                    return;
-                }
+    auto begin = [](auto handler, std::shared_ptr<node_state> held) {
+        auto executor = asio::get_associated_executor(handler);
+        unique_function<void()> resume = [handler = std::move(handler), executor]() mutable {
+            asio::post(executor, std::move(handler));
+        };
+        {
+            std::lock_guard lock(held->mutex);
+            if (!held->all_stopped()) {
+                held->when_stopped.push_back(std::move(resume));
+                return;
             }
-            resume();
-        },
-        asio::use_awaitable, state_);
+        }
+        resume();
+    };
+    co_await asio::async_initiate<const use_task_t, void()>(std::move(begin), use_task, state_);
 }
 
 std::vector<stop_report> node::reports() const {

@@ -2,45 +2,88 @@
 
 #include <ise/core/error.hpp>
 
-#include <asio/bind_cancellation_slot.hpp>
-#include <asio/co_spawn.hpp>
 #include <asio/error.hpp>
+#include <asio/executor_work_guard.hpp>
+#include <asio/post.hpp>
+
+#include <system_error>
+#include <utility>
 
 namespace ise {
 
+class task_scope::child final : public async_stack {
+public:
+    child(task_scope& scope, std::string name, task<> body, const asio::any_io_executor& executor)
+        : async_stack(executor), place(scope.children_.size()), scope_(&scope), name_(std::move(name)),
+          body_(std::move(body)), work_(executor) {
+        begin(body_);
+        scope.children_.push_back(this);
+    }
+
+    const std::string& name() const noexcept { return name_; }
+    /// Its scope is gone: it is destroyed with what it waits for.
+    void orphan() noexcept { scope_ = nullptr; }
+
+    std::size_t place; ///< among the scope's children
+    bool* gone = nullptr;
+
+private:
+    void on_end() override {
+        std::exception_ptr problem;
+        try {
+            outcome_of(body_);
+        } catch (...) {
+            problem = std::current_exception();
+        }
+        body_ = task<>(); // what it owned may have owned the scope
+        if (scope_) scope_->ended(*this, name_, problem);
+        if (gone) *gone = true;
+        delete this;
+    }
+    void on_drop() noexcept override {
+        if (scope_) scope_->forget(*this);
+        if (gone) *gone = true;
+        delete this;
+    }
+
+    task_scope* scope_;
+    std::string name_;
+    task<> body_;
+    asio::executor_work_guard<asio::any_io_executor> work_;
+};
+
 task_scope::task_scope(loop& owner, failure_handler on_failure)
-    : loop_(owner), on_failure_(std::move(on_failure)), roster_(std::make_shared<roster>()),
-      empty_(owner, [this] { empty_.resume(); }) {
-    roster_->scope = this;
+    : loop_(owner), on_failure_(std::move(on_failure)), empty_(owner, [this] { empty_.resume(); }) {}
+
+task_scope::~task_scope() {
+    for (auto* one : children_) one->orphan();
 }
 
-task_scope::~task_scope() { roster_->scope = nullptr; }
-
-asio::cancellation_signal* task_scope::spawn(std::string name, task<> body) {
+async_stack* task_scope::spawn(std::string name, task<> body) {
     return spawn(std::move(name), std::move(body), loop_.get_executor());
 }
 
-asio::cancellation_signal* task_scope::spawn(std::string name, task<> body, asio::any_io_executor executor) {
+async_stack* task_scope::spawn(std::string name, task<> body, const asio::any_io_executor& executor) {
     if (stopping_) return nullptr;
-    auto who = roster_->children.emplace(roster_->children.end());
-    who->name = std::move(name);
-    auto done = [listed = roster_, who](std::exception_ptr problem) {
-        if (listed->scope) listed->scope->ended(who, problem);
-    };
-    // On the loop's own thread it runs at once up to its first suspension, and may end there.
+    auto* made = new child(*this, std::move(name), std::move(body), executor);
+    suspended_stack first(*made);
+    if (!loop_.running_here()) {
+        asio::post(executor, [first = std::move(first)]() mutable { first.resume(); });
+        return made;
+    }
     bool gone = false;
-    auto outer = std::exchange(starting_, starting{&*who, &gone});
-    asio::co_spawn(std::move(executor), std::move(body),
-                   asio::bind_cancellation_slot(who->cancel.slot(), std::move(done)));
-    starting_ = outer;
-    return gone ? nullptr : &who->cancel;
+    made->gone = &gone;
+    first.resume(); // up to its first suspension
+    if (gone) return nullptr;
+    made->gone = nullptr;
+    return made;
 }
 
 void task_scope::stop() {
     stopping_ = true;
-    // A child may end, and leave the list, as soon as the loop runs: never within emit.
-    auto held = roster_;
-    for (auto& entry : held->children) entry.cancel.emit(asio::cancellation_type::terminal);
+    // From the end: one that ends here gives its place to one that was cancelled already.
+    for (auto place = children_.size(); place-- > 0;)
+        if (place < children_.size()) children_[place]->cancel();
 }
 
 task<> task_scope::join() {
@@ -57,16 +100,20 @@ task<bool> task_scope::join_until(time_point at) {
 
 std::vector<std::string> task_scope::running() const {
     std::vector<std::string> names;
-    for (const auto& entry : roster_->children) names.push_back(entry.name);
+    for (const auto* one : children_) names.push_back(one->name());
     return names;
 }
 
-void task_scope::ended(children::iterator who, std::exception_ptr problem) {
-    if (starting_.who == &*who) *starting_.gone = true;
-    auto name = std::move(who->name);
-    roster_->children.erase(who);
+void task_scope::forget(child& who) noexcept {
+    children_.back()->place = who.place;
+    children_[who.place] = children_.back();
+    children_.pop_back();
+}
+
+void task_scope::ended(child& who, const std::string& name, const std::exception_ptr& problem) {
+    forget(who);
     if (problem && on_failure_ && !(stopping_ && is_cancellation(problem))) on_failure_(name, problem);
-    if (roster_->children.empty()) empty_.resume();
+    if (children_.empty()) empty_.resume();
 }
 
 bool is_cancellation(const std::exception_ptr& problem) noexcept {

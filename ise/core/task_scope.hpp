@@ -3,12 +3,8 @@
 #include <ise/core/task.hpp>
 #include <ise/core/waiter.hpp>
 
-#include <asio/cancellation_signal.hpp>
-
 #include <exception>
 #include <functional>
-#include <list>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -27,10 +23,10 @@ public:
     task_scope& operator=(const task_scope&) = delete;
 
     /// Starts `body` on the loop's executor (or `executor`, which must belong to it), at the next turn at the latest.
-    /// Returns the child's own cancellation, valid until it ends; null if it has ended already, and after `stop()`,
-    /// when nothing is started.
-    asio::cancellation_signal* spawn(std::string name, task<> body);
-    asio::cancellation_signal* spawn(std::string name, task<> body, asio::any_io_executor executor);
+    /// Returns what cancels the child, valid until it ends; null if it has ended already, and after `stop()`, when
+    /// nothing is started.
+    async_stack* spawn(std::string name, task<> body);
+    async_stack* spawn(std::string name, task<> body, const asio::any_io_executor& executor);
 
     /// Cancels every child; they end at their next suspension.
     void stop();
@@ -41,32 +37,20 @@ public:
     /// The same until `at`; false if children are still running then. Cancellation: as `join`.
     task<bool> join_until(time_point at);
 
-    std::size_t size() const noexcept { return roster_->children.size(); }
+    std::size_t size() const noexcept { return children_.size(); }
     /// The names of the running children.
     std::vector<std::string> running() const;
 
 private:
-    struct child {
-        std::string name;
-        asio::cancellation_signal cancel;
-    };
-    using children = std::list<child>;
-    struct roster {        // shared: a child that is torn down late must still find its signal
-        task_scope* scope; // null once that is gone
-        task_scope::children children;
-    };
-    struct starting { // the child that is being started, while it runs for the first time
-        child* who = nullptr;
-        bool* gone = nullptr;
-    };
+    class child;
 
-    void ended(children::iterator who, std::exception_ptr problem);
+    void forget(child& who) noexcept;
+    void ended(child& who, const std::string& name, const std::exception_ptr& problem);
 
     loop& loop_;
     failure_handler on_failure_;
-    std::shared_ptr<roster> roster_;
+    std::vector<child*> children_; // each owned by what it waits for
     waiter<> empty_;
-    starting starting_;
     bool stopping_ = false;
 };
 

@@ -1,92 +1,100 @@
 #pragma once
+#include <ise/core/async_stack.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/core/unique_function.hpp>
 
-#include <asio/associated_cancellation_slot.hpp>
-#include <asio/async_result.hpp>
-#include <asio/use_awaitable.hpp>
-
-#include <tuple>
+#include <optional>
+#include <system_error>
+#include <type_traits>
 #include <utility>
 
 namespace ise {
 
-/// The one place where a coroutine of ISE is suspended: it waits for one completion `(T...)` that somebody on
-/// the same loop gives by `resume()`.
+namespace detail {
+
+struct no_value {};
+
+} // namespace detail
+
+/// Where a coroutine of ISE is suspended: it waits for one completion that somebody on the same loop gives by
+/// `resume()`, with a value where T is not void. A value that is a std::error_code is thrown, unless it is none.
 ///
 /// The coroutine goes on at the end of the loop's turn, never inside `resume()`. Cancellation of the waiting
 /// coroutine calls `on_cancel`, whose owner answers with `resume()` (or lets it go on waiting); one without does not
 /// hear of it. A waiter that waits should be resumed before it is destroyed; what still waits then, or when the loop
 /// ends, is destroyed without being resumed.
-template <class... T>
+template <class T = void>
 class waiter final : public suspended {
+    using value = std::conditional_t<std::is_void_v<T>, detail::no_value, T>;
+    using outcome = std::conditional_t<std::is_same_v<T, std::error_code>, void, T>;
+
 public:
     waiter(loop& owner, unique_function<void()> on_cancel) : loop_(owner), on_cancel_(std::move(on_cancel)) {}
     waiter(const waiter&) = delete;
     waiter& operator=(const waiter&) = delete;
     ~waiter() {
-        if (!handler_) return;
+        if (!waiting_) return;
         loop_.delist(*this);
         drop();
     }
 
-    bool waiting() const noexcept { return static_cast<bool>(handler_); }
+    bool waiting() const noexcept { return static_cast<bool>(waiting_); }
 
-    /// Waits; one coroutine at a time. `token` defaults to an awaitable.
-    template <class Token = asio::use_awaitable_t<>>
-    auto wait(Token&& token = {}) {
-        return asio::async_initiate<Token, void(T...)>([this](auto handler) { this->begin(std::move(handler)); },
-                                                       token);
-    }
+    /// A coroutine that waits, one at a time.
+    class operation : public awaiter {
+    public:
+        explicit operation(waiter& at) noexcept : at_(&at) {}
 
-    /// Takes a handler of signature `void(T...)` and keeps it until `resume()`.
-    template <class Handler>
-    void begin(Handler handler) {
-        if (loop_.abandoned()) return; // nothing would ever resume it
-        if (on_cancel_) slot_ = asio::get_associated_cancellation_slot(handler);
-        cancelling_ = false;
-        if (slot_.is_connected()) slot_.template emplace<cancel_operation>(this);
-        handler_ = std::move(handler);
-        loop_.enlist(*this);
-    }
+        template <class Promise>
+        void await_suspend(std::coroutine_handle<Promise> coroutine) {
+            at_->begin(*this, coroutine.promise().stack());
+        }
+        outcome await_resume() {
+            if constexpr (std::is_same_v<T, std::error_code>) {
+                if (*came_) throw std::system_error(*came_);
+            } else if constexpr (!std::is_void_v<T>) {
+                return std::move(*came_);
+            }
+        }
+        void cancel() override {
+            if (at_) at_->cancel();
+        }
 
-    void resume(T... values) {
-        if (!handler_) return;
+    private:
+        friend class waiter;
+        waiter* at_;
+        std::optional<value> came_;
+    };
+
+    operation wait() noexcept { return operation(*this); }
+
+    void resume(value with = value{}) {
+        if (!waiting_) return;
         loop_.delist(*this);
-        // A slot must not be cleared from inside its own handler; that one has let go of us already.
-        if (!std::exchange(cancelling_, false) && slot_.is_connected()) slot_.clear();
-        slot_ = {};
-        loop_.later([handler = std::move(handler_), values = std::make_tuple(std::move(values)...)]() mutable {
-            auto taken = std::move(handler);
-            std::apply([&](auto&... value) { taken(std::move(value)...); }, values);
-        });
-        handler_ = {};
+        operation_->at_ = nullptr;
+        operation_->came_.emplace(std::move(with));
+        loop_.later([waiting = std::move(waiting_)]() mutable { waiting.resume(); });
     }
 
 private:
-    struct cancel_operation {
-        waiter* self;
-        explicit cancel_operation(waiter* owner) : self(owner) {}
-        void operator()(asio::cancellation_type kind) {
-            if (kind == asio::cancellation_type::none) return;
-            auto* owner = std::exchange(self, nullptr);
-            if (!owner) return;
-            owner->cancelling_ = true;
-            owner->on_cancel_(); // may destroy *owner
-        }
-    };
-
+    void begin(operation& by, async_stack& stack) {
+        auto waiting = stack.suspend(by);
+        if (loop_.abandoned()) return; // nothing would ever resume it
+        waiting_ = std::move(waiting);
+        operation_ = &by;
+        loop_.enlist(*this);
+    }
+    void cancel() {
+        if (on_cancel_) on_cancel_(); // may destroy *this
+    }
     void drop() noexcept override {
-        if (!std::exchange(cancelling_, false) && slot_.is_connected()) slot_.clear();
-        slot_ = {};
-        auto dropped = std::move(handler_); // what it owns may own this waiter
+        auto dropped = std::move(waiting_); // what it owns may own this waiter
     }
 
     loop& loop_;
     unique_function<void()> on_cancel_;
-    unique_function<void(T...), 32> handler_;
-    asio::cancellation_slot slot_;
-    bool cancelling_ = false;
+    suspended_stack waiting_;
+    operation* operation_ = nullptr;
 };
 
 } // namespace ise

@@ -12,7 +12,6 @@
 
 #include <asio/buffer.hpp>
 #include <asio/posix/stream_descriptor.hpp>
-#include <asio/use_awaitable.hpp>
 
 #include <fmt/format.h>
 

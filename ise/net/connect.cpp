@@ -1,11 +1,10 @@
 #include <ise/net/connect.hpp>
 
+#include <ise/core/async_run.hpp>
 #include <ise/core/task_scope.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>
 #include <asio/cancellation_signal.hpp>
-#include <asio/co_spawn.hpp>
-#include <asio/use_awaitable.hpp>
 
 #include <fmt/format.h>
 
@@ -43,7 +42,7 @@ task<result<std::unique_ptr<stream>>> connect_until(loop& on, endpoint to, time_
         std::shared_ptr<attempt> of;
         ~leaving() { of->abandoned = true; }
     } guard{state};
-    asio::co_spawn(on.get_executor(), body(state, on, std::move(to), std::move(with)),
+    async_run(on.get_executor(), body(state, on, std::move(to), std::move(with)),
                    asio::bind_cancellation_slot(state->cancel.slot(), std::move(finished)));
     if (!state->got && !state->thrown) co_await done.wait();
     if (state->got && *state->got) co_return std::move(*state->got);

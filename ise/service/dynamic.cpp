@@ -1,5 +1,6 @@
 #include <ise/service/dynamic.hpp>
 
+#include <ise/core/use_task.hpp>
 #include <ise/service/peer_channel.hpp>
 
 #include <fmt/format.h>
@@ -33,13 +34,13 @@ result<dynamic_packet> response_of(const call_outcome& outcome, const schema& ty
     }
 }
 
-task<result<dynamic_packet>> submit(std::shared_ptr<peer_channel> to, std::string service,
+auto submit(std::shared_ptr<peer_channel> to, std::string service,
                                     std::shared_ptr<const packet_types> types, bytes request, duration deadline) {
-    return asio::async_initiate<const asio::use_awaitable_t<>, void(result<dynamic_packet>)>(
+    return asio::async_initiate<const use_task_t, void(result<dynamic_packet>)>(
         [](auto handler, std::shared_ptr<peer_channel> over, std::string name,
            std::shared_ptr<const packet_types> packets, bytes body, duration limit) {
             auto executor = asio::get_associated_executor(handler, asio::any_io_executor());
-            auto slot = asio::get_associated_cancellation_slot(handler);
+            auto& cancellation = asio::get_associated_cancellation_slot(handler).template emplace<detail::slot_cancellation>();
             const bytes_view raw(body);
             call_completion done = [handler = std::move(handler),
                                     type = packets->schemas[role::response]](const call_outcome& outcome) mutable {
@@ -47,10 +48,10 @@ task<result<dynamic_packet>> submit(std::shared_ptr<peer_channel> to, std::strin
                     handler(std::move(got));
                 };
             };
-            detail::start_call(std::move(over), service_key{name, packets.get()}, limit, executor, slot,
-                               std::move(done), outgoing_packet::of_bytes(raw));
+            detail::start_call(std::move(over), service_key{name, packets.get()}, limit, executor,
+                               cancellation, std::move(done), outgoing_packet::of_bytes(raw));
         },
-        asio::use_awaitable, std::move(to), std::move(service), std::move(types), std::move(request), deadline);
+        use_task, std::move(to), std::move(service), std::move(types), std::move(request), deadline);
 }
 
 } // namespace

@@ -31,7 +31,7 @@ namespace {
 
 template <class Link>
 void start(Link&& to, service_key service, duration deadline, const asio::any_io_executor& waiting,
-           asio::cancellation_slot slot, call_completion done, outgoing_packet request) {
+           call_cancellation& cancellation, call_completion done, outgoing_packet request) {
     if (auto misplaced = check_place(*to, service)) {
         auto completion = done(call_outcome{&*misplaced, nullptr});
         if (waiting) asio::post(waiting, std::move(completion));
@@ -52,7 +52,7 @@ void start(Link&& to, service_key service, duration deadline, const asio::any_io
         call.deadline = std::min(call.deadline, call.made_in->deadline);
         call.trace = call.made_in->trace;
     }
-    way.calls().watch(call, slot);
+    way.calls().bind(call, cancellation);
     call.done = std::move(done);
     way.submit(call, request);
 }
@@ -60,15 +60,15 @@ void start(Link&& to, service_key service, duration deadline, const asio::any_io
 } // namespace
 
 void start_call(const std::shared_ptr<peer_channel>& to, service_key service, duration deadline,
-                const asio::any_io_executor& waiting, asio::cancellation_slot slot, call_completion done,
+                const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
                 outgoing_packet request) {
-    start(to, service, deadline, waiting, slot, std::move(done), request);
+    start(to, service, deadline, waiting, cancellation, std::move(done), request);
 }
 
 void start_call(std::shared_ptr<peer_channel>&& to, service_key service, duration deadline,
-                const asio::any_io_executor& waiting, asio::cancellation_slot slot, call_completion done,
+                const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
                 outgoing_packet request) {
-    start(std::move(to), service, deadline, waiting, slot, std::move(done), request);
+    start(std::move(to), service, deadline, waiting, cancellation, std::move(done), request);
 }
 
 } // namespace detail

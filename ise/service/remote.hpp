@@ -1,12 +1,12 @@
 #pragma once
-#include <ise/call/call_completion.hpp>
+#include <ise/call/pending_call.hpp>
+#include <ise/core/task.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/session/contract.hpp>
 #include <ise/subscription/subscriber.hpp>
 
 #include <asio/associated_cancellation_slot.hpp>
 #include <asio/associated_executor.hpp>
-#include <asio/use_awaitable.hpp>
 
 #include <exception>
 #include <memory>
@@ -26,10 +26,10 @@ namespace detail {
 /// that the executor of whoever waits carries, and sends. Off the component's thread nothing is touched and nothing
 /// sent: the call fails, on that executor or, where there is none, on the system's.
 void start_call(const std::shared_ptr<peer_channel>& to, service_key service, duration deadline,
-                const asio::any_io_executor& waiting, asio::cancellation_slot slot, call_completion done,
+                const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
                 outgoing_packet request);
 void start_call(std::shared_ptr<peer_channel>&& to, service_key service, duration deadline,
-                const asio::any_io_executor& waiting, asio::cancellation_slot slot, call_completion done,
+                const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
                 outgoing_packet request);
 /// The same as what a subscriber needs of it.
 std::shared_ptr<subscription_owner> subscriptions_of(std::shared_ptr<peer_channel> to);
@@ -97,7 +97,62 @@ inline constexpr bool is_request_itself<Request, First, Rest...> = std::is_same_
 template <class...>
 inline constexpr bool never = false;
 
+/// Cancels a call through the slot of a completion handler.
+struct slot_cancellation : call_cancellation {
+    void operator()(asio::cancellation_type kind) {
+        if (kind != asio::cancellation_type::none) cancel();
+    }
+};
+
+template <class T>
+inline constexpr bool is_result = false;
+template <class T>
+inline constexpr bool is_result<result<T>> = true;
+
 } // namespace detail
+
+/// A call, which begins when it is awaited. `Outcome` is what `co_await` returns: the response, or an ise::result of
+/// it. Converts to an `ise::task` for whoever wants one.
+template <class Contract, class Outcome>
+class [[nodiscard]] call_operation final : public awaiter {
+    using request_type = typename Contract::request_type;
+    using response_type = typename Contract::response_type;
+
+public:
+    call_operation(std::shared_ptr<peer_channel> to, service_key service, request_type request, duration deadline)
+        : to_(std::move(to)), service_(service), request_(std::move(request)), deadline_(deadline) {}
+    /// Only before it begins.
+    call_operation(call_operation&& other)
+        : call_operation(std::move(other.to_), other.service_, std::move(other.request_), other.deadline_) {}
+
+    template <class Promise>
+    void await_suspend(std::coroutine_handle<Promise> coroutine) {
+        auto& stack = coroutine.promise().stack();
+        call_completion done = [this, waiting = stack.suspend(*this)](const call_outcome& outcome) mutable {
+            got_.emplace(detail::response_of<response_type>(outcome));
+            return [waiting = std::move(waiting)]() mutable { waiting.resume(); };
+        };
+        detail::start_call(std::move(to_), service_, deadline_, stack.executor(), cancellation_, std::move(done),
+                           outgoing_packet(request_));
+    }
+    Outcome await_resume() {
+        if constexpr (detail::is_result<Outcome>) return std::move(*got_);
+        else return std::move(got_->value());
+    }
+    void cancel() override { cancellation_.cancel(); }
+
+    operator task<Outcome>() && { return as_task(std::move(*this)); }
+
+private:
+    static task<Outcome> as_task(call_operation begun) { co_return co_await std::move(begun); }
+
+    std::shared_ptr<peer_channel> to_;
+    service_key service_;
+    request_type request_;
+    duration deadline_;
+    call_cancellation cancellation_;
+    std::optional<result<response_type>> got_;
+};
 
 /// A handle to another component, for calls and subscriptions. A value, cheap to copy. It names a path (or an address),
 /// and resolves it again when needed. Used on the loop of the component that made it.
@@ -122,7 +177,8 @@ public:
     /// Cancellation: terminal; the provider's handler is cancelled too.
     template <class Contract, class... Arguments>
     requires(!detail::is_request_itself<typename Contract::request_type, Arguments...>)
-        task<typename Contract::response_type> call(const Contract& service, Arguments&&... arguments)
+        call_operation<Contract, typename Contract::response_type> call(const Contract& service,
+                                                                       Arguments&&... arguments)
     const {
         using given = detail::call_arguments<typename Contract::request_type, Arguments...>;
         typename given::all all(std::forward<Arguments>(arguments)...);
@@ -132,28 +188,18 @@ public:
     /// The same with a request object; errors and cancellation as above. With g++ 12 use a named variable: that
     /// compiler destroys a braced temporary inside a `co_await` expression twice (docs/coroutines.md).
     template <class Contract>
-    task<typename Contract::response_type> call(const Contract& service, typename Contract::request_type request,
-                                                duration deadline = duration()) const {
-        using response = typename Contract::response_type;
-        return asio::async_initiate<const asio::use_awaitable_t<>, void(std::exception_ptr, response)>(
-            [](auto handler, auto&& to, service_key key, typename Contract::request_type packet, duration limit) {
-                start<response>(std::move(handler), std::forward<decltype(to)>(to), key, packet, limit,
-                                [](auto& waiting, result<response>& got) {
-                                    if (got) {
-                                        waiting(std::exception_ptr(), std::move(*got));
-                                    } else {
-                                        waiting(std::make_exception_ptr(error(got.error())), response{});
-                                    }
-                                });
-            },
-            asio::use_awaitable, link_, service.key(), std::move(request), deadline);
+    call_operation<Contract, typename Contract::response_type>
+    call(const Contract& service, typename Contract::request_type request, duration deadline = duration()) const {
+        return call_operation<Contract, typename Contract::response_type>(link_, service.key(), std::move(request),
+                                                                         deadline);
     }
 
     /// The same as `call`, with the outcome as a value: `co_await boat.try_call(helm, "hold", 2s)`. Cancellation:
     /// terminal; the provider's handler is cancelled too.
     template <class Contract, class... Arguments>
     requires(!detail::is_request_itself<typename Contract::request_type, Arguments...>)
-        task<result<typename Contract::response_type>> try_call(const Contract& service, Arguments&&... arguments)
+        call_operation<Contract, result<typename Contract::response_type>> try_call(const Contract& service,
+                                                                                   Arguments&&... arguments)
     const {
         using given = detail::call_arguments<typename Contract::request_type, Arguments...>;
         typename given::all all(std::forward<Arguments>(arguments)...);
@@ -161,10 +207,10 @@ public:
     }
     /// The same with a request object; see `call`.
     template <class Contract>
-    task<result<typename Contract::response_type>> try_call(const Contract& service,
-                                                            typename Contract::request_type request,
-                                                            duration deadline = duration()) const {
-        return try_call(service, std::move(request), deadline, asio::use_awaitable);
+    call_operation<Contract, result<typename Contract::response_type>>
+    try_call(const Contract& service, typename Contract::request_type request, duration deadline = duration()) const {
+        return call_operation<Contract, result<typename Contract::response_type>>(link_, service.key(),
+                                                                                 std::move(request), deadline);
     }
 
     /// The same with a completion token of signature `void(ise::result<Response>)`, such as a callback, which
@@ -175,8 +221,7 @@ public:
         using response = typename Contract::response_type;
         return asio::async_initiate<Token, void(result<response>)>(
             [](auto handler, auto&& to, service_key key, typename Contract::request_type packet, duration limit) {
-                start<response>(std::move(handler), std::forward<decltype(to)>(to), key, packet, limit,
-                                [](auto& waiting, result<response>& got) { waiting(std::move(got)); });
+                start<response>(std::move(handler), std::forward<decltype(to)>(to), key, packet, limit);
             },
             token, link_, service.key(), std::move(request), deadline);
     }
@@ -219,16 +264,20 @@ public:
     task<result<void>> connect(duration deadline) const;
 
 private:
-    template <class Response, class Handler, class Link, class Request, class Deliver>
-    static void start(Handler handler, Link&& to, service_key key, Request& packet, duration limit, Deliver deliver) {
+    template <class Response, class Handler, class Link, class Request>
+    static void start(Handler handler, Link&& to, service_key key, Request& packet, duration limit) {
         asio::any_io_executor waiting = asio::get_associated_executor(handler, asio::any_io_executor());
         auto slot = asio::get_associated_cancellation_slot(handler);
-        call_completion done = [handler = std::move(handler), deliver](const call_outcome& outcome) mutable {
-            return [handler = std::move(handler), deliver, got = detail::response_of<Response>(outcome)]() mutable {
-                deliver(handler, got);
+        call_completion done = [handler = std::move(handler)](const call_outcome& outcome) mutable {
+            return [handler = std::move(handler), got = detail::response_of<Response>(outcome)]() mutable {
+                auto taken = std::move(handler);
+                taken(std::move(got));
             };
         };
-        detail::start_call(std::forward<Link>(to), key, limit, waiting, slot, std::move(done), outgoing_packet(packet));
+        call_cancellation nobody;
+        auto& cancellation = slot.is_connected() ? slot.template emplace<detail::slot_cancellation>() : nobody;
+        detail::start_call(std::forward<Link>(to), key, limit, waiting, cancellation, std::move(done),
+                           outgoing_packet(packet));
     }
 
     template <class Contract>

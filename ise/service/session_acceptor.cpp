@@ -129,7 +129,7 @@ void session_acceptor::take(net::admitted who, const endpoint& at) {
                                            handshakes_.taken() + 1),
                         host),
             host);
-        cancel->emit(asio::cancellation_type::terminal);
+        cancel->cancel();
     });
 }
 

@@ -22,7 +22,7 @@ namespace ise::sim {
 ///     world.at(90s, [&] { world.net().heal("boat", "shore"); });
 ///
 ///     auto main = shore.make_loop("main");
-///     asio::co_spawn(main->loop().get_executor(), console(shore, main->loop()), asio::detached);
+///     ise::async_run(main->loop().get_executor(), console(shore, main->loop()), asio::detached);
 ///     REQUIRE(world.run_until([&] { return console_has_a_fix; }, 10min));   // virtual minutes
 ///
 /// Lifetime: the world must outlive all users of its processes; coroutines that are suspended when it is destroyed are

@@ -8,6 +8,38 @@
 
 namespace ise {
 
+template <class Contract>
+class subscriber;
+
+/// What `subscriber::next()` awaits; the subscriber outlives it, or is destroyed while it waits. Converts to an
+/// `ise::task` for whoever wants one.
+template <class Contract>
+class [[nodiscard]] next_packet final : public awaiter {
+    using core = typename subscriber<Contract>::core;
+    using value = received<typename Contract::packet_type>;
+
+public:
+    explicit next_packet(const std::shared_ptr<core>& of) noexcept : of_(of) {}
+
+    bool await_ready() {
+        got_ = of_->take();
+        return got_ || of_->ended();
+    }
+    template <class Promise>
+    void await_suspend(std::coroutine_handle<Promise> coroutine) {
+        waiting_.emplace(core::next(of_)).await_suspend(coroutine);
+    }
+    value await_resume() { return waiting_ ? waiting_->await_resume() : std::move(got_); }
+    void cancel() override {} // the coroutine that waits is on the stack
+
+    operator task<value>() && { return core::next(of_); }
+
+private:
+    const std::shared_ptr<core>& of_;
+    value got_;
+    std::optional<detail::task_awaiter<value>> waiting_;
+};
+
 /// A live subscription: packets in the order in which they were published. It recovers automatically when the session
 /// or the provider is lost; it ends when the provider ends it, or when this object is destroyed, which unsubscribes.
 /// Used on its component's loop by one coroutine at a time. Move-only. Functions of an empty one, such as a member that
@@ -35,7 +67,7 @@ public:
 
     /// Waits for the next packet; empty when the subscription has ended (`cause()` says why).
     /// Cancellation: terminal, no packet is lost.
-    task<received<packet_type>> next() { return core::next(held()); }
+    next_packet<Contract> next() { return next_packet<Contract>(held()); }
 
     /// A packet that has already arrived, or an empty one. Never suspends.
     received<packet_type> try_next() { return held()->take(); }

@@ -333,8 +333,6 @@ result<void> subscriber_core::on_other_packet(std::uint64_t sequence, std::uint3
     return {};
 }
 
-task<> subscriber_core::wait_for_packet() { return packet_.wait(); }
-
 incoming_packet* subscriber_core::waiting_packet() noexcept {
     if (queue_.empty()) return nullptr;
     return &front_.emplace(queue_.front());

@@ -156,7 +156,7 @@ protected:
     std::uint64_t take_packet();
     /// It is no such packet: it is lost, and the next one tells of that.
     void drop_undecodable(const error& why);
-    task<> wait_for_packet();
+    waiter<>::operation wait_for_packet() noexcept { return packet_.wait(); }
 
     loop& on_;
     std::shared_ptr<subscription_owner> owner_;

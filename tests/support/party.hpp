@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/asio.hpp>
 #include <ise/call/provide.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/sleep.hpp>
@@ -8,7 +9,6 @@
 #include <ise/subscription/publication.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>
-#include <asio/co_spawn.hpp>
 
 #include <exception>
 #include <functional>
@@ -106,7 +106,7 @@ std::shared_ptr<started<T>> start(ise::loop& on, ise::task<T> body) {
             state->thrown = thrown;
             state->done = true;
         };
-        asio::co_spawn(on.get_executor(), std::move(body),
+        ise::async_run(on.get_executor(), std::move(body),
                        asio::bind_cancellation_slot(state->cancel.slot(), std::move(finished)));
     } else {
         auto wrapped = [](std::shared_ptr<started<T>> into, ise::task<T> inner) -> ise::task<> {
@@ -117,7 +117,7 @@ std::shared_ptr<started<T>> start(ise::loop& on, ise::task<T> body) {
             state->thrown = thrown;
             state->done = true;
         };
-        asio::co_spawn(on.get_executor(), wrapped(state, std::move(body)),
+        ise::async_run(on.get_executor(), wrapped(state, std::move(body)),
                        asio::bind_cancellation_slot(state->cancel.slot(), std::move(finished)));
     }
     return state;

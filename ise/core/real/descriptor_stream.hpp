@@ -2,10 +2,6 @@
 #include <ise/core/asio_compat.hpp>
 #include <ise/core/stream.hpp>
 
-#include <asio/associated_cancellation_slot.hpp>
-#include <asio/associated_executor.hpp>
-#include <asio/async_result.hpp>
-
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <sys/socket.h>
@@ -13,26 +9,10 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <functional>
 
 namespace ise::real {
 
 using compat::as_tuple;
-
-/// What Asio completes a read with, as a `transfer` for the handler that waits for it.
-template <class Handler>
-struct transfer_handler {
-    using executor_type = asio::associated_executor_t<Handler>;
-    using cancellation_slot_type = asio::associated_cancellation_slot_t<Handler>;
-
-    executor_type get_executor() const noexcept { return asio::get_associated_executor(handler); }
-    cancellation_slot_type get_cancellation_slot() const noexcept {
-        return asio::get_associated_cancellation_slot(handler);
-    }
-    void operator()(std::error_code problem, std::size_t count) { handler(transfer{problem, count}); }
-
-    Handler handler;
-};
 
 /// A stream over an Asio object that has `async_read_some`, `async_wait` and `native_handle`: a connected
 /// socket or a serial port.
@@ -42,12 +22,8 @@ public:
     descriptor_stream(Object object, std::string peer) : object_(std::move(object)), peer_(std::move(peer)) {}
 
     task<transfer> read_some(asio::mutable_buffer into) override {
-        // One coroutine frame instead of two: an idle connection is little else.
-        return asio::async_initiate<const asio::use_awaitable_t<>, void(transfer)>(
-            [](auto handler, Object& object, asio::mutable_buffer room) {
-                object.async_read_some(room, transfer_handler<decltype(handler)>{std::move(handler)});
-            },
-            asio::use_awaitable, std::ref(object_), into);
+        auto [problem, count] = co_await object_.async_read_some(into, as_tuple);
+        co_return transfer{problem, count};
     }
 
     transfer try_write(std::span<const asio::const_buffer> from) override {

@@ -30,34 +30,13 @@ std::unique_ptr<stream> as_stream(tcp::socket socket) {
 
 using accepted = std::pair<std::error_code, std::unique_ptr<stream>>;
 
-/// What Asio completes an accept with, for the handler that waits for it.
-template <class Handler>
-struct accept_handler {
-    using executor_type = asio::associated_executor_t<Handler>;
-    using cancellation_slot_type = asio::associated_cancellation_slot_t<Handler>;
-
-    executor_type get_executor() const noexcept { return asio::get_associated_executor(handler); }
-    cancellation_slot_type get_cancellation_slot() const noexcept {
-        return asio::get_associated_cancellation_slot(handler);
-    }
-    void operator()(std::error_code problem, tcp::socket socket) {
-        handler(accepted(problem, problem ? nullptr : as_stream(std::move(socket))));
-    }
-
-    Handler handler;
-};
-
 class tcp_listener final : public listener {
 public:
     tcp_listener(tcp::acceptor acceptor, endpoint where) : acceptor_(std::move(acceptor)), where_(std::move(where)) {}
 
     task<std::pair<std::error_code, std::unique_ptr<stream>>> accept() override {
-        // No frame of its own: Asio would use it again for the first one of the connection, however small that is.
-        return asio::async_initiate<const asio::use_awaitable_t<>, void(accepted)>(
-            [](auto handler, tcp::acceptor& from) {
-                from.async_accept(accept_handler<decltype(handler)>{std::move(handler)});
-            },
-            asio::use_awaitable, std::ref(acceptor_));
+        auto [problem, socket] = co_await acceptor_.async_accept(as_tuple);
+        co_return accepted(problem, problem ? nullptr : as_stream(std::move(socket)));
     }
     void close() override {
         std::error_code ignored;

@@ -22,22 +22,6 @@ endpoint as_endpoint(const udp::endpoint& at) { return {protocol::udp, at.addres
 
 using received = std::pair<std::error_code, const datagram*>;
 
-/// What Asio completes a receive with, for the handler that waits for it: `take(problem, bytes)` makes the datagram.
-template <class Handler, class Take>
-struct receive_handler {
-    using executor_type = asio::associated_executor_t<Handler>;
-    using cancellation_slot_type = asio::associated_cancellation_slot_t<Handler>;
-
-    executor_type get_executor() const noexcept { return asio::get_associated_executor(handler); }
-    cancellation_slot_type get_cancellation_slot() const noexcept {
-        return asio::get_associated_cancellation_slot(handler);
-    }
-    void operator()(std::error_code problem, std::size_t count) { handler(take(problem, count)); }
-
-    Handler handler;
-    Take take;
-};
-
 class udp_socket final : public datagram_socket {
 public:
     udp_socket(loop& on, udp::socket socket, endpoint where)
@@ -45,15 +29,8 @@ public:
 
     task<received> receive() override {
         if (room_.empty()) room_.resize(max_datagram);
-        // No frame of its own, as for streams.
-        return asio::async_initiate<const asio::use_awaitable_t<>, void(received)>(
-            [](auto handler, udp_socket& self) {
-                auto take = [&self](std::error_code problem, std::size_t count) { return self.take(problem, count); };
-                self.socket_.async_receive_from(
-                    asio::buffer(self.room_), self.sender_,
-                    receive_handler<decltype(handler), decltype(take)>{std::move(handler), take});
-            },
-            asio::use_awaitable, std::ref(*this));
+        auto [problem, count] = co_await socket_.async_receive_from(asio::buffer(room_), sender_, as_tuple);
+        co_return take(problem, count);
     }
 
     std::error_code try_send(const endpoint& to, bytes_view content) override {

@@ -1,7 +1,6 @@
 #include "sea.hpp"
 
-#include <asio/co_spawn.hpp>
-#include <asio/use_awaitable.hpp>
+#include <ise/asio.hpp>
 
 #include <fmt/format.h>
 
@@ -96,8 +95,8 @@ TEST_CASE("a nested call has the smaller deadline and the same trace, and its ha
             co_return answer;
         };
         auto calling = call(boat);
-        auto answer = co_await asio::co_spawn(ise::with_context(self.get_executor(), &root), std::move(calling),
-                                              asio::use_awaitable);
+        auto answer = co_await ise::async_run(ise::with_context(self.get_executor(), &root), std::move(calling),
+                                              ise::use_task);
         REQUIRE(!answer);
         CHECK(answer.error().code() == ise::errc::timed_out);
         CHECK(self.now() - began == 3s);

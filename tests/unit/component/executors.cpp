@@ -1,10 +1,13 @@
 // Components on threads, on executors of the program, and together: real time, real sockets.
 #include "sea.hpp"
 
+#include <ise/asio.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/service/service_host.hpp>
 
+#include <asio/awaitable.hpp>
 #include <asio/co_spawn.hpp>
+#include <asio/use_awaitable.hpp>
 #include <asio/detached.hpp>
 #include <asio/io_context.hpp>
 #include <fmt/format.h>
@@ -112,7 +115,7 @@ TEST_CASE("a component runs on the io_context of the program") {
         quiet.together_with = "beacon";
         auto& asker = here.node.start("asker", idle, quiet);
         bool over = false;
-        asio::co_spawn(program, main(asker, here.at(provider), here.node, answer),
+        ise::async_run(program.get_executor(), main(asker, here.at(provider), here.node, answer),
                        [&](std::exception_ptr) { over = true; });
         while (!over && program.run_one() > 0) {}
         CHECK(answer == "ahoy");
@@ -245,7 +248,7 @@ TEST_CASE("a handle that is used off its component's thread says so, and nothing
             subscribe = thrown.what();
         }
     };
-    asio::co_spawn(program, misuse(handle, call_said, subscribe_said), asio::detached);
+    ise::async_run(program.get_executor(), misuse(handle, call_said, subscribe_said), asio::detached);
     program.run();
     CHECK(call_said.find("off its component's thread") != std::string::npos);
     CHECK(subscribe_said.find("off its component's thread") != std::string::npos);
@@ -394,8 +397,8 @@ TEST_CASE("a plain coroutine of the program awaits a task that runs on a compone
     };
     asio::io_context program;
     std::string heard;
-    auto plain = [&](component& self, ise::endpoint at) -> task<> {
-        auto asking = asio::co_spawn(self.get_executor(), ask_there(self, at), asio::use_awaitable);
+    auto plain = [&](component& self, ise::endpoint at) -> asio::awaitable<void> {
+        auto asking = ise::async_run(self.get_executor(), ask_there(self, at), asio::use_awaitable);
         heard = co_await std::move(asking);
     };
     asio::co_spawn(program, plain(asker, where), asio::detached);

@@ -1,6 +1,5 @@
 #include "sea.hpp"
 
-#include <asio/this_coro.hpp>
 
 namespace failures_test {
 
@@ -212,7 +211,7 @@ TEST_CASE("a component whose last flow does not end cannot be restarted and says
         [&](component& self) -> task<> {
             auto mule = [](component& whose, census& among) -> task<> {
                 census::citizen alive(among);
-                co_await asio::this_coro::reset_cancellation_state(asio::disable_cancellation());
+                co_await ise::this_task::ignore_cancellation;
                 co_await whose.sleep(24h);
             };
             self.spawn("the mule", mule(self, frames));

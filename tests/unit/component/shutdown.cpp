@@ -2,7 +2,6 @@
 
 #include <ise/service/peer_channel.hpp>
 
-#include <asio/this_coro.hpp>
 
 namespace shutdown_test {
 
@@ -16,7 +15,7 @@ task<> sail_on(component& self) { co_await self.sleep(1h); }
 
 task<> refuse_to_end(component& self, census& frames) {
     census::citizen alive(frames);
-    co_await asio::this_coro::reset_cancellation_state(asio::disable_cancellation());
+    co_await ise::this_task::ignore_cancellation;
     for (;;) co_await self.sleep(1min);
 }
 

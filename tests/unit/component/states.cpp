@@ -1,8 +1,8 @@
 #include "sea.hpp"
 
-#include <asio/co_spawn.hpp>
+#include <ise/asio.hpp>
+
 #include <asio/detached.hpp>
-#include <asio/this_coro.hpp>
 
 namespace states_test {
 
@@ -68,7 +68,7 @@ TEST_CASE("a component that takes its time is stopping meanwhile") {
             stopped = true;
         }
         if (!stopped) co_return;
-        co_await asio::this_coro::reset_cancellation_state();
+        co_await ise::this_task::forget_cancellation;
         co_await self.sleep(1s); // takes the sails in
         cleaned = true;
     });
@@ -92,7 +92,7 @@ TEST_CASE("whoever awaits the end of a node goes on when its last component has 
         co_await whose.stopped();
         done = true;
     };
-    asio::co_spawn(all.world.context(), wait(all.node("boat"), told), asio::detached);
+    ise::async_run(all.world.context().get_executor(), wait(all.node("boat"), told), asio::detached);
     all.world.run_for(1s);
     all.node("boat").stop("one");
     all.world.run_for(10s);

@@ -1,10 +1,12 @@
 // What a component uses of others, and what it waits for.
 #include "sea.hpp"
 
+#include <ise/asio.hpp>
 #include <ise/core/limits.hpp>
 #include <ise/service/service_host.hpp>
 
 #include <asio/experimental/awaitable_operators.hpp>
+#include <asio/use_awaitable.hpp>
 
 #include <algorithm>
 
@@ -137,8 +139,9 @@ TEST_CASE("what was given up is not waited for any more") {
         using namespace asio::experimental::awaitable_operators;
         auto boat = self.at(fleet::at("boat"));
         question asks{"there?"};
-        auto patient = boat.try_call(echo, asks, 1h);
-        auto hasty = self.sleep(5s);
+        task<ise::result<reply>> call = boat.try_call(echo, asks, 1h);
+        auto patient = ise::async_run(self.get_executor(), std::move(call), asio::use_awaitable);
+        auto hasty = ise::async_run(self.get_executor(), self.sleep(5s), asio::use_awaitable);
         co_await (std::move(patient) || std::move(hasty));
         co_await self.sleep(1h);
     });

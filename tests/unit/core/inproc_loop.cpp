@@ -1,6 +1,7 @@
 // What waits on a loop, on one thread that the test drives.
 #include "inproc_threads.hpp"
 
+#include <ise/asio.hpp>
 #include <ise/core/inproc_stream.hpp>
 #include <ise/core/object_stream.hpp>
 #include <ise/core/waiter.hpp>
@@ -80,7 +81,7 @@ TEST_CASE("a timer that moves itself to a time that has passed fires in a later 
 TEST_CASE("abandoning a loop unwinds what waits there without resuming it") {
     driven one;
     bool gone = false, resumed = false;
-    asio::co_spawn(one.io, wait_forever(*one.loop, gone, resumed), asio::detached);
+    ise::async_run(one.io.get_executor(), wait_forever(*one.loop, gone, resumed), asio::detached);
     one.io.poll();
     REQUIRE_FALSE(gone);
     one.loop->abandon();
@@ -89,7 +90,7 @@ TEST_CASE("abandoning a loop unwinds what waits there without resuming it") {
     CHECK_FALSE(resumed);
 
     gone = false; // what comes to wait later is unwound too
-    asio::co_spawn(one.io, wait_forever(*one.loop, gone, resumed), asio::detached);
+    ise::async_run(one.io.get_executor(), wait_forever(*one.loop, gone, resumed), asio::detached);
     one.io.poll();
     CHECK(gone);
     CHECK_FALSE(resumed);
@@ -211,7 +212,7 @@ TEST_CASE("inproc: cancelling a read loses nothing") {
     asio::cancellation_signal stop;
     ise::transfer got;
     std::array<char, 8> room{};
-    asio::co_spawn(one.io, read_once(*second, got, room), asio::bind_cancellation_slot(stop.slot(), asio::detached));
+    ise::async_run(one.io.get_executor(), read_once(*second, got, room), asio::bind_cancellation_slot(stop.slot(), asio::detached));
     one.io.poll();
     std::array pieces{asio::const_buffer("abc", 3)};
     SECTION("before the bytes come") {
@@ -227,7 +228,7 @@ TEST_CASE("inproc: cancelling a read loses nothing") {
         CHECK(got.bytes == 3);
         return;
     }
-    asio::co_spawn(one.io, read_once(*second, got, room), asio::detached);
+    ise::async_run(one.io.get_executor(), read_once(*second, got, room), asio::detached);
     one.io.poll();
     CHECK_FALSE(got.problem);
     CHECK(std::string_view(room.data(), got.bytes) == "abc");
@@ -242,7 +243,7 @@ TEST_CASE("inproc: a full queue would block, a closed side says so on both sides
 
     ise::transfer got;
     std::array<char, 8> room{};
-    asio::co_spawn(one.io, read_once(*first, got, room), asio::detached);
+    ise::async_run(one.io.get_executor(), read_once(*first, got, room), asio::detached);
     one.io.poll();
     SECTION("closing aborts one's own read") {
         first->close();
@@ -265,11 +266,11 @@ TEST_CASE("inproc: a full queue would block, a closed side says so on both sides
         first->shutdown_write();
         CHECK(first->try_write(pieces).problem == asio::error::broken_pipe);
         for (auto expected : {std::size_t{8}, std::size_t{2}}) {
-            asio::co_spawn(one.io, read_once(*second, got, room), asio::detached);
+            ise::async_run(one.io.get_executor(), read_once(*second, got, room), asio::detached);
             one.io.poll();
             CHECK(got.bytes == expected);
         }
-        asio::co_spawn(one.io, read_once(*second, got, room), asio::detached);
+        ise::async_run(one.io.get_executor(), read_once(*second, got, room), asio::detached);
         one.io.poll();
         CHECK(got.problem == asio::error::eof);
         first.reset(); // ends the read of this side, still waiting

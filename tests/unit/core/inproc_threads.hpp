@@ -1,9 +1,9 @@
 // Loops on threads of their own, for the tests of what lies between threads: the least environment that works.
 #pragma once
+#include <ise/asio.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/loop.hpp>
 
-#include <asio/co_spawn.hpp>
 #include <asio/detached.hpp>
 #include <asio/io_context.hpp>
 #include <asio/use_future.hpp>
@@ -62,7 +62,7 @@ public:
     }
     ise::loop& loop() { return *loop_; }
 
-    std::future<void> run(ise::task<> what) { return asio::co_spawn(io_, std::move(what), asio::use_future); }
+    std::future<void> run(ise::task<> what) { return ise::async_run(io_.get_executor(), std::move(what), asio::use_future); }
 
 private:
     asio::io_context io_{1};

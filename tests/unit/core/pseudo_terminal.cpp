@@ -1,8 +1,8 @@
+#include <ise/asio.hpp>
 #include <ise/core/real/environment.hpp>
 
 #include <support/catch.hpp>
 
-#include <asio/co_spawn.hpp>
 #include <asio/detached.hpp>
 #include <asio/io_context.hpp>
 
@@ -42,7 +42,7 @@ std::string carry(terminal_room& room, ise::stream& from, ise::stream& to, std::
             into.append(buffer.data(), moved.bytes);
         }
     };
-    asio::co_spawn(room.context, read(to, got, text.size()), asio::detached);
+    ise::async_run(room.context.get_executor(), read(to, got, text.size()), asio::detached);
     room.context.restart();
     room.context.run();
     return got;
@@ -83,7 +83,7 @@ TEST_CASE("pseudo-terminal: its link goes with it, and the port's reader learns 
         auto moved = co_await at.read_some(asio::buffer(buffer));
         told = static_cast<bool>(moved.problem);
     };
-    asio::co_spawn(room.context, read(**port, gone), asio::detached);
+    ise::async_run(room.context.get_executor(), read(**port, gone), asio::detached);
     room.context.run();
     CHECK(gone);
     CHECK_FALSE(room.env.open_serial(room.host->loop(), device(room.link())));

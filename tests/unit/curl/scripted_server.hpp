@@ -85,8 +85,8 @@ public:
     ise::task<std::string> bytes(std::size_t count) {
         if (held_.size() < count) {
             auto more = asio::transfer_exactly(count - held_.size());
-            if (secure_) co_await asio::async_read(*secure_, asio::dynamic_buffer(held_), more, asio::use_awaitable);
-            else co_await asio::async_read(plain_, asio::dynamic_buffer(held_), more, asio::use_awaitable);
+            if (secure_) co_await asio::async_read(*secure_, asio::dynamic_buffer(held_), more, ise::use_task);
+            else co_await asio::async_read(plain_, asio::dynamic_buffer(held_), more, ise::use_task);
         }
         auto made = held_.substr(0, count);
         held_.erase(0, count);
@@ -151,7 +151,7 @@ public:
 private:
     ise::task<> accept() {
         for (;;) {
-            auto socket = co_await acceptor_.async_accept(asio::use_awaitable);
+            auto socket = co_await acceptor_.async_accept(ise::use_task);
             auto& one = visitors.emplace_back(std::move(socket), tls_ ? &*tls_ : nullptr);
             scope_.spawn("visitor", serve(one));
         }

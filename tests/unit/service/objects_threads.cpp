@@ -1,4 +1,5 @@
 // Packets handed over as objects between threads: loops that end in any order, with everything under way.
+#include <ise/asio.hpp>
 #include <ise/core/real/environment.hpp>
 
 #include <support/boat_services.hpp>
@@ -33,7 +34,7 @@ struct sailor {
     }
     template <class T>
     std::future<T> spawn(ise::task<T> body) {
-        return asio::co_spawn(who.on.get_executor(), std::move(body), asio::use_future);
+        return ise::async_run(who.on.get_executor(), std::move(body), asio::use_future);
     }
     /// In order: says goodbye, and ends what runs.
     void stop() {

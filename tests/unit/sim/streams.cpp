@@ -117,7 +117,7 @@ TEST_CASE("sim: giving up a connect at any time leaves nothing open") {
         std::string outcome, server;
         asio::cancellation_signal stop;
         spawn(two.shore_loop->loop(), accept_one(two.shore, two.shore_loop->loop(), at("tcp://shore:7400"), server));
-        asio::co_spawn(two.boat_loop->loop().get_executor(),
+        ise::async_run(two.boat_loop->loop().get_executor(),
                        give_up_connecting(two.boat, two.boat_loop->loop(), at("tcp://shore:7400"), outcome),
                        asio::bind_cancellation_slot(stop.slot(), asio::detached));
         int steps = 0;

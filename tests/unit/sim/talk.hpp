@@ -1,9 +1,9 @@
 // What the tests of the virtual world share: small coroutines over streams and timers.
 #pragma once
+#include <ise/asio.hpp>
 #include <ise/core/waiter.hpp>
 #include <ise/sim/world.hpp>
 
-#include <asio/co_spawn.hpp>
 #include <asio/detached.hpp>
 #include <asio/post.hpp>
 
@@ -15,7 +15,7 @@ namespace talk {
 using namespace std::chrono_literals;
 using ise::task;
 
-inline void spawn(ise::loop& on, task<> what) { asio::co_spawn(on.get_executor(), std::move(what), asio::detached); }
+inline void spawn(ise::loop& on, task<> what) { ise::async_run(on.get_executor(), std::move(what), asio::detached); }
 
 inline ise::endpoint at(const std::string& text) { return ise::endpoint::parse(text).value(); }
 
