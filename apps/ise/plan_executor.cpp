@@ -2,7 +2,6 @@
 
 #include "text.hpp"
 
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -161,8 +160,7 @@ void plan_executor::on_interrupt() {
     note(in_.set, how_.undo ? "interrupted: what was done is undone; Ctrl-C once more leaves it as it is"
                             : "interrupted: what was done stays");
     for (auto& one : jobs_)
-        if (one.now != phase::waiting && one.cancel && one.what.what == action::start)
-            one.cancel->cancel();
+        if (one.now != phase::waiting && one.cancel && one.what.what == action::start) one.cancel->cancel();
     if (changed_) changed_->resume();
 }
 

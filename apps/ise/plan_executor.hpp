@@ -53,7 +53,7 @@ private:
         phase now = phase::waiting;
         std::optional<instantiation::start_request> former; ///< of what was changed
         std::uint64_t undo = 0;                             ///< undoes that
-        async_stack* cancel = nullptr;        ///< while it is begun
+        async_stack* cancel = nullptr;                      ///< while it is begun
     };
 
     bool may_begin(const job& one) const;

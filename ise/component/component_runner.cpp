@@ -1,8 +1,9 @@
 #include <ise/component/component_runner.hpp>
-#include <ise/asio.hpp>
 
 #include <ise/call/provide.hpp>
 #include <ise/component/health.hpp>
+#include <ise/core/async_run.hpp>
+#include <ise/core/use_task.hpp>
 #include <ise/naming/name_resolver.hpp>
 #include <ise/service/session.hpp>
 #include <ise/subscription/publication_core.hpp>

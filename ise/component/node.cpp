@@ -1,10 +1,11 @@
 #include <ise/component/node.hpp>
-#include <ise/asio.hpp>
 
 #include <ise/component/left_behind.hpp>
 #include <ise/component/live_parameters.hpp>
 #include <ise/component/node_state.hpp>
 #include <ise/component/poll_window.hpp>
+#include <ise/core/async_run.hpp>
+#include <ise/core/use_task.hpp>
 #include <ise/naming/lease_registrar.hpp>
 #include <ise/naming/services.hpp>
 
@@ -83,7 +84,7 @@ node::~node() {
             }
         };
         async_run(state_->loop().get_executor(), closing(state_),
-                       [&closed](std::exception_ptr) { closed.set_value(); });
+                  [&closed](std::exception_ptr) { closed.set_value(); });
         over.get();
     }
     // Every loop ends before what its coroutines use; those that cannot be ended now are left behind together with all

@@ -32,8 +32,6 @@ void async_stack::cancel() {
     if (suspended_at_) suspended_at_->cancel();
 }
 
-void async_stack::throw_cancelled() {
-    throw std::system_error(asio::error::operation_aborted, "co_await");
-}
+void async_stack::throw_cancelled() { throw std::system_error(asio::error::operation_aborted, "co_await"); }
 
 } // namespace ise

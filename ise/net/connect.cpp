@@ -43,7 +43,7 @@ task<result<std::unique_ptr<stream>>> connect_until(loop& on, endpoint to, time_
         ~leaving() { of->abandoned = true; }
     } guard{state};
     async_run(on.get_executor(), body(state, on, std::move(to), std::move(with)),
-                   asio::bind_cancellation_slot(state->cancel.slot(), std::move(finished)));
+              asio::bind_cancellation_slot(state->cancel.slot(), std::move(finished)));
     if (!state->got && !state->thrown) co_await done.wait();
     if (state->got && *state->got) co_return std::move(*state->got);
     if (late) co_return failure(errc::timed_out, fmt::format("cannot connect to {}: no answer in time", where));

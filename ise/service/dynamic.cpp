@@ -34,13 +34,14 @@ result<dynamic_packet> response_of(const call_outcome& outcome, const schema& ty
     }
 }
 
-auto submit(std::shared_ptr<peer_channel> to, std::string service,
-                                    std::shared_ptr<const packet_types> types, bytes request, duration deadline) {
+auto submit(std::shared_ptr<peer_channel> to, std::string service, std::shared_ptr<const packet_types> types,
+            bytes request, duration deadline) {
     return asio::async_initiate<const use_task_t, void(result<dynamic_packet>)>(
         [](auto handler, std::shared_ptr<peer_channel> over, std::string name,
            std::shared_ptr<const packet_types> packets, bytes body, duration limit) {
             auto executor = asio::get_associated_executor(handler, asio::any_io_executor());
-            auto& cancellation = asio::get_associated_cancellation_slot(handler).template emplace<detail::slot_cancellation>();
+            auto& cancellation =
+                asio::get_associated_cancellation_slot(handler).template emplace<detail::slot_cancellation>();
             const bytes_view raw(body);
             call_completion done = [handler = std::move(handler),
                                     type = packets->schemas[role::response]](const call_outcome& outcome) mutable {
@@ -48,8 +49,8 @@ auto submit(std::shared_ptr<peer_channel> to, std::string service,
                     handler(std::move(got));
                 };
             };
-            detail::start_call(std::move(over), service_key{name, packets.get()}, limit, executor,
-                               cancellation, std::move(done), outgoing_packet::of_bytes(raw));
+            detail::start_call(std::move(over), service_key{name, packets.get()}, limit, executor, cancellation,
+                               std::move(done), outgoing_packet::of_bytes(raw));
         },
         use_task, std::move(to), std::move(service), std::move(types), std::move(request), deadline);
 }

@@ -178,7 +178,7 @@ public:
     template <class Contract, class... Arguments>
     requires(!detail::is_request_itself<typename Contract::request_type, Arguments...>)
         call_operation<Contract, typename Contract::response_type> call(const Contract& service,
-                                                                       Arguments&&... arguments)
+                                                                        Arguments&&... arguments)
     const {
         using given = detail::call_arguments<typename Contract::request_type, Arguments...>;
         typename given::all all(std::forward<Arguments>(arguments)...);
@@ -188,10 +188,11 @@ public:
     /// The same with a request object; errors and cancellation as above. With g++ 12 use a named variable: that
     /// compiler destroys a braced temporary inside a `co_await` expression twice (docs/coroutines.md).
     template <class Contract>
-    call_operation<Contract, typename Contract::response_type>
-    call(const Contract& service, typename Contract::request_type request, duration deadline = duration()) const {
+    call_operation<Contract, typename Contract::response_type> call(const Contract& service,
+                                                                    typename Contract::request_type request,
+                                                                    duration deadline = duration()) const {
         return call_operation<Contract, typename Contract::response_type>(link_, service.key(), std::move(request),
-                                                                         deadline);
+                                                                          deadline);
     }
 
     /// The same as `call`, with the outcome as a value: `co_await boat.try_call(helm, "hold", 2s)`. Cancellation:
@@ -199,7 +200,7 @@ public:
     template <class Contract, class... Arguments>
     requires(!detail::is_request_itself<typename Contract::request_type, Arguments...>)
         call_operation<Contract, result<typename Contract::response_type>> try_call(const Contract& service,
-                                                                                   Arguments&&... arguments)
+                                                                                    Arguments&&... arguments)
     const {
         using given = detail::call_arguments<typename Contract::request_type, Arguments...>;
         typename given::all all(std::forward<Arguments>(arguments)...);
@@ -207,10 +208,11 @@ public:
     }
     /// The same with a request object; see `call`.
     template <class Contract>
-    call_operation<Contract, result<typename Contract::response_type>>
-    try_call(const Contract& service, typename Contract::request_type request, duration deadline = duration()) const {
+    call_operation<Contract, result<typename Contract::response_type>> try_call(const Contract& service,
+                                                                                typename Contract::request_type request,
+                                                                                duration deadline = duration()) const {
         return call_operation<Contract, result<typename Contract::response_type>>(link_, service.key(),
-                                                                                 std::move(request), deadline);
+                                                                                  std::move(request), deadline);
     }
 
     /// The same with a completion token of signature `void(ise::result<Response>)`, such as a callback, which

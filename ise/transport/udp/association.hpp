@@ -61,7 +61,9 @@ public:
     transfer write(std::span<const asio::const_buffer> from);
     /// What stands in the way of writing; would_block: the window.
     std::error_code writable() const noexcept;
-    waiter<>::operation wait_writable() noexcept { return writable_.wait(); } ///< until `writable`. Cancellation: as `wait_readable`
+    waiter<>::operation wait_writable() noexcept {
+        return writable_.wait();
+    } ///< until `writable`. Cancellation: as `wait_readable`
     bool message_wanted() noexcept;
     void put_message(std::uint64_t key, const wire::frame_header& header, bytes_view head, const shared_bytes& payload);
     void limit_unsent(std::size_t most) noexcept { channel_.out().limit_under_way(most); }

@@ -95,8 +95,8 @@ TEST_CASE("a nested call has the smaller deadline and the same trace, and its ha
             co_return answer;
         };
         auto calling = call(boat);
-        auto answer = co_await ise::async_run(ise::with_context(self.get_executor(), &root), std::move(calling),
-                                              ise::use_task);
+        auto answer =
+            co_await ise::async_run(ise::with_context(self.get_executor(), &root), std::move(calling), ise::use_task);
         REQUIRE(!answer);
         CHECK(answer.error().code() == ise::errc::timed_out);
         CHECK(self.now() - began == 3s);

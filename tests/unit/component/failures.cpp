@@ -1,6 +1,5 @@
 #include "sea.hpp"
 
-
 namespace failures_test {
 
 using namespace sea;

@@ -2,7 +2,6 @@
 
 #include <ise/service/peer_channel.hpp>
 
-
 namespace shutdown_test {
 
 using namespace sea;

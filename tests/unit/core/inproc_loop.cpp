@@ -212,7 +212,8 @@ TEST_CASE("inproc: cancelling a read loses nothing") {
     asio::cancellation_signal stop;
     ise::transfer got;
     std::array<char, 8> room{};
-    ise::async_run(one.io.get_executor(), read_once(*second, got, room), asio::bind_cancellation_slot(stop.slot(), asio::detached));
+    ise::async_run(one.io.get_executor(), read_once(*second, got, room),
+                   asio::bind_cancellation_slot(stop.slot(), asio::detached));
     one.io.poll();
     std::array pieces{asio::const_buffer("abc", 3)};
     SECTION("before the bytes come") {

@@ -62,7 +62,9 @@ public:
     }
     ise::loop& loop() { return *loop_; }
 
-    std::future<void> run(ise::task<> what) { return ise::async_run(io_.get_executor(), std::move(what), asio::use_future); }
+    std::future<void> run(ise::task<> what) {
+        return ise::async_run(io_.get_executor(), std::move(what), asio::use_future);
+    }
 
 private:
     asio::io_context io_{1};

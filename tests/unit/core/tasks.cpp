@@ -132,7 +132,8 @@ TEST_CASE("a task is started from Asio with a callback, a future, and in an awai
     int awaited = 0;
     auto plain = [&]() -> asio::awaitable<void> {
         auto on = co_await asio::this_coro::executor;
-        awaited = co_await ise::async_run(on, answer(3), asio::use_awaitable);
+        auto asked = answer(3);
+        awaited = co_await ise::async_run(on, std::move(asked), asio::use_awaitable);
     };
     asio::co_spawn(io, plain(), asio::detached);
     io.run();
