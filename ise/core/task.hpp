@@ -196,6 +196,11 @@ private:
 
 } // namespace detail
 
+/// An operation, such as `remote::call`, as a task, for whoever takes only these.
+template <class Operation>
+requires std::is_base_of_v<awaiter, Operation>
+auto as_task(Operation what) -> task<decltype(what.await_resume())> { co_return co_await std::move(what); }
+
 template <class T>
 void async_stack::begin(task<T>& bottom) noexcept {
     bottom.frame_.promise().stack_ = this;

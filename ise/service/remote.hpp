@@ -144,8 +144,6 @@ public:
     operator task<Outcome>() && { return as_task(std::move(*this)); }
 
 private:
-    static task<Outcome> as_task(call_operation begun) { co_return co_await std::move(begun); }
-
     std::shared_ptr<peer_channel> to_;
     service_key service_;
     request_type request_;

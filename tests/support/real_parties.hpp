@@ -43,6 +43,11 @@ public:
             return std::move(state->get());
         }
     }
+    template <class Operation>
+    requires std::is_base_of_v<ise::awaiter, Operation>
+    auto run(party& on, Operation what) {
+        return run(on, ise::as_task(std::move(what)));
+    }
     ise::environment& env() { return env_; }
 
 private:
