@@ -2,24 +2,19 @@
 
 #include <new>
 
-namespace ise {
-
 #if defined(__has_feature)
     #if __has_feature(address_sanitizer)
-        #define ISE_PLAIN_FRAMES
+        #define ISE_ASAN
     #endif
 #endif
 #if defined(__SANITIZE_ADDRESS__)
-    #define ISE_PLAIN_FRAMES
+    #define ISE_ASAN
+#endif
+#if defined(ISE_ASAN)
+    #include <sanitizer/asan_interface.h>
 #endif
 
-#if defined(ISE_PLAIN_FRAMES)
-
-void* frame_pool::allocate(std::size_t size) { return ::operator new(size); }
-void frame_pool::release(void* memory, std::size_t) noexcept { ::operator delete(memory); }
-
-#else
-
+namespace ise {
 namespace {
 
 constexpr std::size_t step = 64, classes = 32; // frames of up to 2 KiB
@@ -28,6 +23,18 @@ constexpr std::size_t kept_bytes = 64 * 1024;  // of each size
 struct free_frame {
     free_frame* next;
 };
+
+// A kept frame is no coroutine any more: what still touches it is found.
+void close_off([[maybe_unused]] free_frame* kept, [[maybe_unused]] std::size_t size) noexcept {
+#if defined(ISE_ASAN)
+    ASAN_POISON_MEMORY_REGION(kept + 1, size - sizeof *kept);
+#endif
+}
+void open_again([[maybe_unused]] free_frame* kept, [[maybe_unused]] std::size_t size) noexcept {
+#if defined(ISE_ASAN)
+    ASAN_UNPOISON_MEMORY_REGION(kept, size);
+#endif
+}
 
 // Trivial, so that it can be used at any time of its thread's life.
 struct free_lists {
@@ -68,6 +75,7 @@ void* frame_pool::allocate(std::size_t size) {
     if (auto* kept = lists.first[which]) {
         lists.first[which] = kept->next;
         --lists.count[which];
+        open_again(kept, (which + 1) * step);
         return kept;
     }
     return ::operator new((which + 1) * step);
@@ -82,9 +90,8 @@ void frame_pool::release(void* memory, std::size_t size) noexcept {
     }
     if (lists.count[which] * (which + 1) * step >= kept_bytes) return ::operator delete(memory);
     lists.first[which] = ::new (memory) free_frame{lists.first[which]};
+    close_off(lists.first[which], (which + 1) * step);
     ++lists.count[which];
 }
-
-#endif
 
 } // namespace ise
