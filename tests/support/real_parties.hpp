@@ -45,9 +45,7 @@ public:
     }
     template <class Operation>
     requires std::is_base_of_v<ise::awaiter, Operation>
-    auto run(party& on, Operation what) {
-        return run(on, ise::as_task(std::move(what)));
-    }
+    auto run(party& on, Operation what) { return run(on, ise::as_task(std::move(what))); }
     ise::environment& env() { return env_; }
 
 private:
