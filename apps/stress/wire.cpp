@@ -1,5 +1,7 @@
 #include "wire.hpp"
 
+#include <asio/error.hpp>
+
 #include <array>
 
 namespace atirma::stress {

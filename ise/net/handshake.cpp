@@ -6,6 +6,7 @@
 #include <ise/packet/codec.hpp>
 #include <ise/wire/body.hpp>
 
+#include <asio/error.hpp>
 #include <fmt/format.h>
 
 #include <algorithm>

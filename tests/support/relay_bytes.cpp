@@ -4,6 +4,8 @@
 #include <ise/core/task_scope.hpp>
 #include <ise/core/waiter.hpp>
 
+#include <asio/error.hpp>
+
 #include <algorithm>
 #include <vector>
 
