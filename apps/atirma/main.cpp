@@ -12,12 +12,15 @@
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <iostream>
 #include <map>
 #include <mutex>
+#include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace {
 
@@ -141,9 +144,23 @@ int decode_input() {
     return code;
 }
 
+// CLI11 takes the next word as the value of `--wind=`, which an instantiation server writes for an empty one. In the
+// order that the parser asks for: the last word first.
+std::vector<std::string> words_of(int count, char** words) {
+    std::vector<std::string> all;
+    for (std::string_view word : std::span(words, static_cast<std::size_t>(count)).subspan(1)) {
+        bool empty = word.starts_with("--") && word.find('=') == word.size() - 1;
+        if (empty) word.remove_suffix(1);
+        all.emplace_back(word);
+        if (empty) all.emplace_back();
+    }
+    std::ranges::reverse(all);
+    return all;
+}
+
 int obey(int count, char** words) {
     auto types = atirma::component_types(say);
-    CLI::App app{"The shore side of A-Tirma, and a simulated boat"};
+    CLI::App app{"The shore side of A-Tirma, and a simulated boat", "atirma"};
     app.formatter(std::make_shared<wrapped_help>());
     app.set_version_flag("--version", "atirma " ATIRMA_VERSION);
     app.require_subcommand(1);
@@ -193,7 +210,7 @@ int obey(int count, char** words) {
         "Example: ise echo atirma/shore/xbee telemetry | atirma decode");
 
     try {
-        app.parse(count, words);
+        app.parse(words_of(count, words));
     } catch (const CLI::ParseError& why) {
         if (count > 2 && std::string_view(words[1]) == "run" && words[2][0] != '-') {
             std::string known;

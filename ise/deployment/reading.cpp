@@ -25,6 +25,7 @@ public:
     deployment build(const value& root) {
         const value* hosts = nullptr;
         const value* components = nullptr;
+        const entry* defaults = nullptr;
         std::string name_space;
         bool in_own_space = true;
         form all("the deployment", problems_);
@@ -42,6 +43,7 @@ public:
         });
         all.key("hosts", [&](const entry& one) { hosts = &one.what; });
         all.key("components", [&](const entry& one) { components = &one.what; });
+        all.key("defaults", [&](const entry& one) { defaults = &one; });
         all.key("include", {}).key("variables", {}); // were read before
         all.read(root);
         if (!root.find("name")) wrong(root.at, "the deployment has no 'name'");
@@ -49,6 +51,7 @@ public:
         if (hosts) read_hosts(*hosts);
         if (made_.hosts.empty())
             wrong(root.at, "the deployment has no host: [hosts.boat] is where the instantiation server 'boat' runs");
+        if (defaults) read_defaults(*defaults);
         if (components) read_components(*components, name_space);
         if (made_.components.empty())
             wrong(root.at, "the deployment has no component: [components.boat] describes one");
@@ -75,13 +78,37 @@ private:
         }
     }
 
+    // Read on their own, so that a mistake is reported once and not for each component.
+    void read_defaults(const entry& from) {
+        form keys("'defaults'", problems_);
+        if (from.what.is != value::kind::table) return keys.wrong_kind(from, "a table of keys of components");
+        auto before = problems_.size();
+        wanted_component ignored;
+        add_shared_keys(keys, ignored, "the components");
+        keys.read(from.what);
+        if (problems_.size() == before) defaults_ = from.what;
+    }
+
+    // The keys that '[defaults]' may have, too.
+    void add_shared_keys(form& keys, wanted_component& made, const std::string& of) {
+        auto& request = made.request;
+        keys.key("restart",
+                 [this, &keys, &request, of](const entry& one) { read_restart(keys, one, request.terms, of); });
+        keys.key("limits",
+                 [this, &keys, &request, of](const entry& one) { read_limits(keys, one, request.limits, of); });
+        keys.length("ready-within", request.terms.ready_within).length("grace", request.terms.grace);
+    }
+
     void read_components(const value& from, const std::string& name_space) {
         if (from.is != value::kind::table)
             return wrong(from.at, "'components' is a table of components: [components.boat]");
         if (from.entries.size() > max_components)
             return wrong(from.at, fmt::format("{} components are described, {} are allowed", from.entries.size(),
                                               max_components));
-        for (const auto& one : from.entries) made_.components.push_back(read_component(one, name_space));
+        for (auto one : from.entries) {
+            one.what = laid_over(defaults_, std::move(one.what));
+            made_.components.push_back(read_component(one, name_space));
+        }
         for (const auto& one : made_.components) check_links(one);
     }
 
@@ -99,10 +126,8 @@ private:
             .text("protocol", request.protocol)
             .texts("after", after)
             .text("process", request.process);
-        keys.key("restart", [&](const entry& one) { read_restart(keys, one, request.terms, of); });
-        keys.key("limits", [&](const entry& one) { read_limits(keys, one, request.limits, of); });
+        add_shared_keys(keys, made, of);
         keys.key("probe", [&](const entry& one) { read_probe(keys, one, request.terms, of); });
-        keys.length("ready-within", request.terms.ready_within).length("grace", request.terms.grace);
         keys.key("roles", [&](const entry& one) { read_roles(keys, one, request); });
         keys.key("environment", [&](const entry& one) { read_environment(keys, one, request); });
         keys.read(from.what);
@@ -260,6 +285,7 @@ private:
     }
 
     deployment made_;
+    value defaults_; ///< keys of a component
     std::vector<problem>& problems_;
 };
 

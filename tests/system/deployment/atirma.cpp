@@ -1,9 +1,15 @@
-// The whole demo on two hosts from its file: it is changed while the boat sails, loses processes, and goes down.
+// The whole of A-Tirma on two hosts from its file: it is changed while the boat sails, loses processes, and goes down.
 // Both hosts are instantiation servers of one machine: they listen on loopback only until they can ask for credentials,
 // so nobody would reach one in another network namespace.
 #include "two_hosts.hpp"
 
+#include <asio/io_context.hpp>
+#include <asio/ip/tcp.hpp>
 #include <system/instantiation/host.hpp>
+
+#include <fmt/format.h>
+
+#include <array>
 #include <test_folders.hpp>
 
 using namespace deployment_test;
@@ -16,16 +22,26 @@ namespace {
 
 /// A harbour with A-Tirma's file, on a clock that runs faster.
 struct harbour : two_hosts {
-    harbour() { install("atirma"); }
+    harbour() {
+        install("atirma");
+        std::vector<asio::ip::tcp::acceptor> all;
+        for (auto& port : ports) { // all are open at once, so that no two are the same
+            all.emplace_back(context, asio::ip::tcp::endpoint(asio::ip::address_v4::loopback(), 0));
+            port = all.back().local_endpoint().port();
+        }
+    }
 
-    /// The demo, with something else laid over it.
+    asio::io_context context;
+    std::array<unsigned short, 5> ports{}; ///< on which nobody listens
+
+    /// The demo, with something else laid over it. The second host plays both of the shore's.
     std::string demo(const std::string& name, const std::string& over = "") {
         file("base.toml",
-             "include = '" ISE_SOURCE_DIR "/apps/atirma/atirma.toml'\n[variables]\nports = '" +
-                 (folder() / "ports").string() +
-                 "'\npage = 0\nspeedup = 20\n[components.boat]\nready-within = '120s'\n[components.air]\nready-within "
-                 "= '120s'\n"
-                 "[components.'shore/xbee']\nready-within = '120s'\n[components.page]\nready-within = '120s'\n");
+             fmt::format("include = '" ISE_SOURCE_DIR "/apps/atirma/atirma.toml'\n[variables]\nfolder = '{}'\n"
+                         "page = {}\ngprs = {}\ncarrier = {}\nhook = {}\ngateway = {}\nspeedup = 20\n"
+                         "[hosts.shore-1]\nserver = 'shore'\n[hosts.shore-2]\nserver = 'shore'\n"
+                         "[defaults]\nready-within = '120s'\n",
+                         (folder() / "ports").string(), ports[0], ports[1], ports[2], ports[3], ports[4]));
         return file(name, "include = 'base.toml'\n" + over);
     }
     int pid(const std::string& path) { return state(path)["process_id"]; }
@@ -70,8 +86,9 @@ TEST_CASE("the demo comes up on two hosts, is changed while it sails, and goes d
     ise_test::program listener({"ise", "--name-server", in.name_server(), "--timeout", "120s", "echo", "atirma/boat",
                                 "ground_truth", "--losses"});
     REQUIRE(json::parse(listener.read_line())["packet"].is_object());
-    auto moved = in.demo("moved.toml", "[components.boat]\nhost = 'shore'\n[components.boat.parameters]\nwind-speed = "
-                                       "11\nwind-from = 90\n[components.air.parameters]\nloss = 0.1\n");
+    auto moved =
+        in.demo("moved.toml", "[components.boat]\nhost = 'shore-2'\n[components.boat.parameters]\nwind-speed = "
+                              "11\nwind-from = 90\n[components.air.parameters]\nloss = 0.1\n");
     CHECK_THAT(in.up(moved), Contains("stop atirma/boat on boat (it moves to shore)") &&
                                  Contains("start atirma/boat on shore (it moves from boat)"));
     // Whoever listened follows, and is told that there is a gap, whose length nobody knows.
@@ -92,7 +109,7 @@ TEST_CASE("kill -9 of any process of the demo heals as its policy says") {
     auto file = in.demo("demo.toml");
     in.up(file);
     in.hears_the_boat();
-    for (const char* path : {"atirma/boat", "atirma/air", "atirma/shore/xbee", "atirma/page"}) {
+    for (const char* path : {"atirma/boat", "atirma/air", "atirma/shore/xbee", "atirma/shore/node-1", "atirma/page"}) {
         int pid = in.pid(path);
         REQUIRE(pid > 1);
         ::kill(pid, SIGKILL);
@@ -116,7 +133,7 @@ TEST_CASE("kill -9 of any process of the demo heals as its policy says") {
     in.start_name_server();
     in.done({"--wait", "--timeout", "60s", "describe", "--names", "atirma/page"});
     in.hears_the_boat();
-    wait_until([&] { return in.ise({"ps"}).exit_code == 0 && in.told({"ps"}).size() == 4; });
+    wait_until([&] { return in.ise({"ps"}).exit_code == 0 && in.told({"ps"}).size() == 11; });
     CHECK_THAT(in.up(file), Contains("nothing to do"));
     CHECK(in.pid("atirma/boat") == boat);
 

@@ -73,7 +73,9 @@ void two_hosts::open(const std::string& host) {
                                    "--name-server",
                                    name_server_,
                                    "--allow-path",
-                                   (folder_ / "ports").string()};
+                                   (folder_ / "ports").string(),
+                                   "--allow-host",
+                                   "127.0.0.1"};
     if (!std::getenv("ISE_TEST_LOG")) words.insert(words.end(), {"--log-level", "error"});
     if (apart_) {
         auto port = port_of(host);

@@ -12,16 +12,22 @@ using host_test::marked;
 
 namespace {
 
-/// A-Tirma's file with addresses at which the other host reaches its components.
-std::string apart(const two_hosts& in, const std::string& boat_on, const std::string& more = "") {
+/// The boat, its radio and the page of A-Tirma's file, with addresses at which the other host reaches them.
+std::string apart(const two_hosts& in, const std::string& boat_on, int wind_speed = 6) {
     auto listen = [](const std::string& host) {
         return "ready-within = '120s'\nlisten = ['tcp://" + networks::address(host) + ":0']\n";
     };
-    return "include = '" ISE_SOURCE_DIR "/apps/atirma/atirma.toml'\n[variables]\nports = '" +
-           (in.folder() / "ports").string() + "'\npage = 0\nspeedup = 20\n" + "[components.air]\n" + listen("boat") +
-           "[components.boat]\nhost = '" + boat_on + "'\n" + listen(boat_on) + "[components.'shore/xbee']\n" +
-           listen("shore") + "[components.page]\n" + listen("shore") + more;
+    return "include = '" ISE_SOURCE_DIR "/apps/atirma/atirma.toml'\n[variables]\nfolder = '" +
+           (in.folder() / "ports").string() + "'\npage = 0\nspeedup = 20\n[hosts.shore-1]\nserver = 'shore'\n" +
+           "[hosts.shore-2]\nserver = 'shore'\n[components.air]\n" + listen("boat") + "[components.boat]\nhost = '" +
+           (boat_on == "boat" ? "boat" : "shore-1") + "'\nafter = 'air'\n" + listen(boat_on) +
+           "[components.boat.parameters]\ngprs = ''\niridium-serial = ''\nwind-speed = " + std::to_string(wind_speed) +
+           "\n[components.'shore/xbee']\n" + listen("shore") + "[components.'shore/xbee'.parameters]\nstore = ''\n" +
+           "[components.page]\nafter = 'shore/xbee'\n" + listen("shore") +
+           "[components.page.parameters]\ntelemetry = 'atirma/shore/xbee'\n";
 }
+
+const std::vector<std::string> parts{"air", "boat", "shore/xbee", "page"};
 
 } // namespace
 
@@ -41,20 +47,20 @@ TEST_CASE(
         CHECK(in.told({"--wait", "--timeout", "240s", "echo", "atirma/shore/xbee", "telemetry", "--no-last", "-n", "1"})
                   .is_object());
     };
-    in.up(in.file("demo.toml", apart(in, "boat")));
+    in.up(in.file("demo.toml", apart(in, "boat")), parts);
     CHECK(in.state("atirma/boat")["host"] == "boat");
     CHECK(in.state("atirma/page")["host"] == "shore");
     hears_the_boat();
     in.done({"param", "set", "atirma/boat", "wind-speed", "9"});
 
-    auto moved = in.file("moved.toml", apart(in, "shore", "[components.boat.parameters]\nwind-speed = 9\n"));
+    auto moved = in.file("moved.toml", apart(in, "shore", 9));
     auto words = wire->inside("shore");
     words.insert(words.end(), {ISE_BINARY_DIR "/bin/ise", "--name-server", in.name_server(), "--timeout", "240s",
                                "echo", "atirma/boat", "ground_truth", "--losses"});
     ise_test::program listener(words);
     REQUIRE(json::parse(listener.read_line())["packet"].is_object());
-    CHECK_THAT(in.up(moved), Contains("stop atirma/boat on boat (it moves to shore)") &&
-                                 Contains("start atirma/boat on shore (it moves from boat)"));
+    CHECK_THAT(in.up(moved, parts), Contains("stop atirma/boat on boat (it moves to shore)") &&
+                                        Contains("start atirma/boat on shore (it moves from boat)"));
     // The boat's next life has packets of its own: a gap whose length nobody knows.
     while (!json::parse(listener.read_line())["lost_before"].is_null()) {}
     listener.signal(SIGINT);

@@ -96,7 +96,7 @@ TEST_CASE("demo: what keeps it from starting is told at once, with the word of t
     std::ofstream(in.at / "bad.csv") << "t_s,tws_mps,twd_deg\n0,6,40\n10,x,50\n";
     auto wind = run_demo({"--wind", (in.at / "bad.csv").string(), "--port", "0"});
     CHECK(wind.exit_code == 1);
-    CHECK_THAT(wind.err, Contains("boat did not start") && Contains("bad.csv:3") && !Contains("--- node-1"));
+    CHECK_THAT(wind.err, Contains("atirma/boat") && Contains("bad.csv:3") && !Contains("--- server-of-"));
     CHECK_THAT(wind.out, !Contains("The boat sails"));
 
     asio::io_context context;

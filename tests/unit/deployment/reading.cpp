@@ -10,6 +10,44 @@ using namespace std::chrono_literals;
 using Catch::Contains;
 using ise::instantiation::restart_policy;
 
+TEST_CASE("defaults hold for each component that does not say otherwise") {
+    auto made = files(R"(
+name = "atirma"
+[hosts.boat]
+[defaults]
+restart = { policy = "always", limit = 9 }
+ready-within = "40s"
+[components.air]
+type = "xbee-link"
+[components.boat]
+type = "boat-simulator"
+restart = "never"
+[components.page]
+type = "web-server"
+restart = { policy = "on-failure" }
+grace = "9s"
+)")
+                    .made();
+    REQUIRE(made.components.size() == 3);
+    const auto& air = made.components[0].request.terms;
+    CHECK(air.policy == restart_policy::always);
+    CHECK(air.limit == 9);
+    CHECK(air.ready_within == 40s);
+    const auto& boat = made.components[1].request.terms;
+    CHECK(boat.policy == restart_policy::never);
+    CHECK(boat.ready_within == 40s);
+    const auto& page = made.components[2].request.terms;
+    CHECK(page.policy == restart_policy::on_failure);
+    CHECK(page.limit == 9);
+    CHECK(page.grace == 9s);
+
+    const std::string two = "[components.a]\ntype='t'\nhost='boat'\n[components.b]\ntype='t'\nhost='boat'\n";
+    CHECK(at_sea("[defaults]\nrestart='sometimes'\n" + two).wrong() ==
+          "sea.toml:5:9: the restart policy of the components is never, on-failure or always, not 'sometimes'\n");
+    CHECK_THAT(at_sea("[defaults]\ntype='t'\n" + two).wrong(), Contains("sea.toml:5:1: 'defaults' has no key 'type'"));
+    CHECK_THAT(at_sea(two + "[[defaults]]\nx=1\n").wrong(), Contains("a table of keys of components"));
+}
+
 TEST_CASE("a deployment file says what runs where, with what") {
     auto made = files(R"(
 name = "atirma"
