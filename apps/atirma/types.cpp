@@ -123,6 +123,9 @@ component_type web_server_type(std::function<void(const std::string&)> announce)
     set.add("more-boats", options->more_boats, "further boats, each NAME=PATH[,PATH], such as Vela=vela/communication");
     set.add("archive", options->archive.file, "SQLite file for track and telemetry, kept over a restart; empty: none")
         .kind(parameter_kind::path);
+    set.add("tiles", options->tiles.url,
+            "address of map tiles that browsers load, with {z}, {x} and {y}; empty: only the page's own coastline");
+    set.add("tile-attribution", options->tiles.attribution, "shown beside the map, as the tiles' licence asks");
     type.requires_(services::telemetry);
     type.makes<web_server>(options);
     return type;

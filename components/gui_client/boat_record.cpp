@@ -10,7 +10,11 @@ bool boat_record::on_message(const telemetry_message& message, const telemetry_p
     if (const auto* n = std::get_if<navigation>(&body)) return take_newer(view_.sailing, *n, packet, now);
     if (const auto* w = std::get_if<wind>(&body)) return take_newer(view_.breeze, *w, packet, now);
     if (const auto* p = std::get_if<power>(&body)) return take_newer(view_.supply, *p, packet, now);
-    if (const auto* c = std::get_if<configuration>(&body)) return take_newer(view_.settings, *c, packet, now);
+    if (const auto* c = std::get_if<configuration>(&body)) {
+        bool newer = take_newer(view_.settings, *c, packet, now);
+        if (newer) view_.rhythm.on_configuration(*c);
+        return newer;
+    }
     if (const auto* s = std::get_if<link_status>(&body)) return take(*s, packet, now);
     if (const auto* text = std::get_if<notice>(&body)) return take(*text, packet, now);
     return false;
@@ -20,6 +24,7 @@ bool boat_record::take(const location& told, const telemetry_packet& packet, utc
     bool fix = has_fix(told);
     bool newest = !packet.history && (!view_.position || plausible_time(packet) >= view_.position->measured_at);
     if (newest) view_.has_fix = fix;
+    if (!packet.history) view_.rhythm.on_report(packet.link, plausible_time(packet));
     return fix && take_newer(view_.position, told, packet, now);
 }
 

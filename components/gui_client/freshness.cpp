@@ -13,27 +13,15 @@ double age_s(utc_time now, utc_time measured_at) noexcept {
 }
 
 double expected_period_s(value_kind kind, link_id link, const std::optional<heard<configuration>>& settings) noexcept {
-    constexpr std::array<double, link_count> usual{2, 10, 600};
-    auto place = static_cast<std::size_t>(link);
-    if (place >= link_count) return 60;
-    double period = usual[place];
-    if (settings && settings->value.telemetry_period_s[place] > 0)
-        period = static_cast<double>(settings->value.telemetry_period_s[place]);
-    switch (kind) { // the boat reports it every so many periods
-        case value_kind::position:
-        case value_kind::sailing: return period;
-        case value_kind::breeze: return 2 * period;
-        case value_kind::supply: return 10 * period;
-        case value_kind::links: return 15 * period;
-        case value_kind::settings:
-        case value_kind::waypoints: return 30 * period;
-    }
-    return period;
+    report_rhythm told;
+    if (settings) told.on_configuration(settings->value);
+    return period_of(kind, told.position_s(link));
 }
 
 freshness judge(double age, double expected_s) noexcept {
-    if (age <= std::max(6.0, 3 * expected_s)) return freshness::fresh;
-    return age <= std::max(30.0, 10 * expected_s) ? freshness::ageing : freshness::stale;
+    auto limits = limits_of(expected_s);
+    if (age <= limits.fresh_s) return freshness::fresh;
+    return age < limits.stale_s ? freshness::ageing : freshness::stale;
 }
 
 std::string age_text(double seconds) {

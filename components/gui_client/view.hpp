@@ -1,6 +1,7 @@
 #pragma once
 #include <components/boat/communication.hpp>
 #include <components/boat/heard.hpp>
+#include <components/boat/report_rhythm.hpp>
 #include <components/gprs_proxy/services.hpp>
 #include <components/gui_client/alarm.hpp>
 #include <components/iridium_proxy/services.hpp>
@@ -25,6 +26,7 @@ struct boat_view {
     std::vector<heard<notice>> notices;                              ///< the last ones, oldest first
     bool has_fix = true;                                             ///< of the newest location
     std::optional<utc_time> last_heard;                              ///< over any link, by the console's clock
+    report_rhythm rhythm;                                            ///< how often it reports over each link
 };
 
 struct track_point {

@@ -24,14 +24,15 @@ std::string_view reason_of(int status) noexcept {
     }
 }
 
-std::string content_security_policy(bool framed) {
-    std::string policy = "default-src 'self'; img-src 'self' data:; object-src 'none'; base-uri 'none'; "
+std::string content_security_policy(bool framed, std::string_view images) {
+    std::string policy = "default-src 'self'; img-src 'self' data:" + std::string(images) +
+                         "; object-src 'none'; base-uri 'none'; "
                          "form-action 'none'; frame-ancestors ";
     return policy + (framed ? "*" : "'self'");
 }
 
-std::vector<std::pair<std::string_view, std::string>> security_headers(bool framed) {
-    return {{"Content-Security-Policy", content_security_policy(framed)},
+std::vector<std::pair<std::string_view, std::string>> security_headers(bool framed, std::string_view images) {
+    return {{"Content-Security-Policy", content_security_policy(framed, images)},
             {"X-Content-Type-Options", "nosniff"},
             {"Referrer-Policy", "no-referrer"},
             {"Cross-Origin-Opener-Policy", "same-origin"},

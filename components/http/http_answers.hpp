@@ -10,11 +10,12 @@ namespace atirma {
 /// "Not Found"; "Status" for a number without a name here.
 std::string_view reason_of(int status) noexcept;
 
-/// Nothing of another host, no script or style within the page. `framed`: any site may show it in a frame.
-std::string content_security_policy(bool framed);
+/// Nothing of another host, no script or style within the page. `framed`: any site may show it in a frame. `images`:
+/// origins that pictures may come from as well, each after a space.
+std::string content_security_policy(bool framed, std::string_view images = {});
 
 /// Of every answer.
-std::vector<std::pair<std::string_view, std::string>> security_headers(bool framed);
+std::vector<std::pair<std::string_view, std::string>> security_headers(bool framed, std::string_view images = {});
 
 /// "gzip" stands in the list and is not forbidden by q=0.
 bool takes_gzip(std::string_view accepted);

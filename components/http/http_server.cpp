@@ -38,7 +38,7 @@ http_response plain_error(int status, std::string_view what) {
 }
 
 /// The first line and the headers that every response has, each ending its line.
-std::string head_of(const ise::environment& env, const http_response& of) {
+std::string head_of(const ise::environment& env, const http_response& of, const std::string& images) {
     auto at = std::chrono::floor<std::chrono::seconds>(env.wall());
     auto head =
         fmt::format("HTTP/1.1 {} {}\r\nDate: {:%a, %d %b %Y %H:%M:%S} GMT\r\nContent-Type: {}\r\n", of.status,
@@ -49,13 +49,14 @@ std::string head_of(const ise::environment& env, const http_response& of) {
     if (!of.download_as.empty())
         add("Content-Disposition", fmt::format("attachment; filename=\"{}\"", safe_file_name(of.download_as)));
     for (const auto& [name, value] : of.headers) add(name, value);
-    for (const auto& [name, value] : security_headers(of.framed)) add(name, value);
+    for (const auto& [name, value] : security_headers(of.framed, images)) add(name, value);
     return head;
 }
 
 /// The head of a response with a length.
-std::string whole_head(const ise::environment& env, const http_response& of, bool keep) {
-    return fmt::format("{}Content-Length: {}\r\nConnection: {}\r\n\r\n", head_of(env, of), of.body.bytes().size(),
+std::string whole_head(const ise::environment& env, const http_response& of, bool keep, const std::string& images) {
+    return fmt::format("{}Content-Length: {}\r\nConnection: {}\r\n\r\n", head_of(env, of, images),
+                       of.body.bytes().size(),
                        keep ? "keep-alive" : "close"); // the length of a 304, too: what a 200 would have
 }
 
@@ -69,19 +70,41 @@ http_request request_of(http_message message, const std::string& peer) {
     return made;
 }
 
-http_response response_of(const http_message& request, const static_file& file, bool framed) {
-    bool packed = !file.gzip.empty() && takes_gzip(request.header("accept-encoding"));
-    // The compressed form is another representation, so it has another tag.
-    std::string tag(file.etag);
-    if (packed) tag.insert(tag.size() - 1, "-gz");
+http_response response_of(const static_file& file, bool framed) {
     http_response made;
     made.content_type = file.content_type;
-    made.body = http_body::in_place(packed ? file.gzip : file.bytes);
+    made.body = http_body::in_place(file.bytes);
+    made.gzip = http_body::in_place(file.gzip);
+    made.etag = file.etag;
     made.framed = framed;
-    made.headers = {{"ETag", tag}, {"Cache-Control", "no-cache"}, {"Vary", "Accept-Encoding"}};
-    if (lists_etag(request.header("if-none-match"), tag)) made.status = 304;
-    else if (packed) made.headers.emplace_back("Content-Encoding", "gzip");
     return made;
+}
+
+/// What of a request chooses the form of its response.
+struct wished_form {
+    bool gzip = false;
+    std::string known; ///< If-None-Match
+};
+
+wished_form form_of(const http_message& request) {
+    return {takes_gzip(request.header("accept-encoding")), std::string(request.header("if-none-match"))};
+}
+
+void take_form(http_response& made, const wished_form& wished) {
+    bool has_both = !made.gzip.bytes().empty();
+    bool packed = has_both && wished.gzip;
+    if (has_both) made.headers.emplace_back("Vary", "Accept-Encoding");
+    if (packed) made.body = made.gzip;
+    bool known = false;
+    if (!made.etag.empty()) {
+        // The compressed form is another representation, so it has another tag.
+        if (packed) made.etag.insert(made.etag.size() - 1, "-gz");
+        known = lists_etag(wished.known, made.etag);
+        made.headers.emplace_back("ETag", made.etag);
+    }
+    made.headers.emplace_back("Cache-Control", made.etag.empty() ? "no-store" : "no-cache");
+    if (known) made.status = 304;
+    else if (packed) made.headers.emplace_back("Content-Encoding", "gzip");
 }
 
 http_server::handler in_turn(http_server::quick_handler answer) {
@@ -168,6 +191,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     struct other_name {
         std::string file;
         bool framed = false;
+        std::string link;
     };
 
     ise::time_point after(ise::duration time) const { return ise::saturating_add(on.now(), time); }
@@ -185,11 +209,12 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         return made;
     }
 
-    std::pair<const static_file*, bool> find_file(const std::string& path) const {
+    /// With what the path says of it, if it is another name.
+    std::pair<const static_file*, const other_name*> find_file(const std::string& path) const {
         auto other = other_names.find(path);
-        auto file = files.find(other == other_names.end() ? path : other->second.file);
-        if (file == files.end()) return {nullptr, false};
-        return {&file->second, other != other_names.end() && other->second.framed};
+        bool named = other != other_names.end();
+        auto file = files.find(named ? other->second.file : path);
+        return {file == files.end() ? nullptr : &file->second, named ? &other->second : nullptr};
     }
 
     http_response open_events(event_path& of, const http_request& asked) {
@@ -231,7 +256,12 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     http_response answer(const http_request& asked) {
         if (!reads(asked)) return error(405, "Only GET and HEAD are allowed here.", {{"Allow", "GET, HEAD"}});
         if (auto of = channels.find(asked.path); of != channels.end()) return open_events(*of->second, asked);
-        if (auto [file, framed] = find_file(asked.path); file) return response_of(asked.message, *file, framed);
+        if (auto [file, name] = find_file(asked.path); file) {
+            auto made = response_of(*file, name && name->framed);
+            if (name && !name->link.empty()) made.headers.emplace_back("Link", name->link);
+            take_form(made, form_of(asked.message));
+            return made;
+        }
         return error(404, "There is no such page.");
     }
 
@@ -239,9 +269,10 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         http_response made;
         const auto* by = handler_of(asked);
         if (by) {
+            auto wished = form_of(asked.message);
             auto answering = (*by)(std::move(asked));
             made = co_await std::move(answering);
-            made.headers.emplace_back("Cache-Control", "no-store");
+            take_form(made, wished);
         } else {
             made = answer(asked);
         }
@@ -249,7 +280,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     }
 
     ise::task<std::error_code> send(http_requests& over, http_response what, bool with_body, bool keep) {
-        auto head = whole_head(on.env(), what, keep);
+        auto head = whole_head(on.env(), what, keep, images);
         std::vector<std::string_view> pieces(1, head);
         if (with_body && what.status != 304) pieces.push_back(what.body.bytes());
         over.line().until(after(limits.sending.write));
@@ -261,8 +292,8 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         over->line().on_late(nullptr);
         what.headers.emplace_back("Connection", "close");
         if (chunked) what.headers.emplace_back("Transfer-Encoding", "chunked");
-        auto body = std::make_shared<http_stream>(on, std::move(over), head_of(on.env(), what) + "\r\n", chunked,
-                                                  limits.sending);
+        auto body = std::make_shared<http_stream>(on, std::move(over), head_of(on.env(), what, images) + "\r\n",
+                                                  chunked, limits.sending);
         struct leaving {
             http_stream& which;
             ~leaving() { which.close(); }
@@ -366,7 +397,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
 
     std::string text_of_error(int status, std::string_view what, extra_headers headers = extra_headers()) const {
         auto made = error(status, what, std::move(headers));
-        return whole_head(on.env(), made, false).append(made.body.bytes());
+        return whole_head(on.env(), made, false, images).append(made.body.bytes());
     }
 
     static ise::task<> turn_away(std::shared_ptr<implementation> self, std::unique_ptr<ise::stream> stranger) {
@@ -398,8 +429,9 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     spawner spawn;
     ise::log_limiter quiet, quiet_failures; // of peers, of handlers
     error_page error_text = plain_error;
+    std::string images; ///< origins that pages may load pictures from, besides this server
     std::map<std::string, static_file, std::less<>> files;
-    std::map<std::string, other_name, std::less<>> other_names = {{"/", {"/index.html", false}}};
+    std::map<std::string, other_name, std::less<>> other_names = {{"/", {"/index.html", false, {}}}};
     std::map<std::string, handler, std::less<>> handlers;
     std::map<std::string, std::unique_ptr<event_path>, std::less<>> channels;
     handler fallback;
@@ -420,8 +452,9 @@ void http_server::serve(std::span<const static_file> files) {
     for (const auto& file : files) self_->files.insert_or_assign(std::string(file.path), file);
 }
 
-void http_server::serve_as(std::string path, std::string file, bool framed) {
-    self_->other_names.insert_or_assign(std::move(path), implementation::other_name{std::move(file), framed});
+void http_server::serve_as(std::string path, std::string file, bool framed, std::string link) {
+    self_->other_names.insert_or_assign(std::move(path),
+                                        implementation::other_name{std::move(file), framed, std::move(link)});
 }
 
 void http_server::get(std::string path, handler answer) {
@@ -433,6 +466,8 @@ void http_server::get(std::string path, quick_handler answer) { get(std::move(pa
 void http_server::otherwise(quick_handler answer) { otherwise(in_turn(std::move(answer))); }
 
 void http_server::otherwise(handler answer) { self_->fallback = std::move(answer); }
+
+void http_server::allow_images(std::string origin) { self_->images.append(" ").append(origin); }
 
 void http_server::on_error(error_page page) { self_->error_text = std::move(page); }
 

@@ -73,7 +73,9 @@ struct http_response {
     int status = 200;
     std::string download_as;                                  ///< file name offered to the user; empty: shown
     std::vector<std::pair<std::string, std::string>> headers; ///< beside those that every response has
-    bool framed = false;                                      ///< pages of other sites may show it in a frame
+    http_body gzip;                                           ///< the same, compressed, for clients that take it
+    std::string etag;    ///< quoted, strong for `body`; a client that has it is answered 304. Empty: not to be kept
+    bool framed = false; ///< pages of other sites may show it in a frame
     /// Makes the body while it is sent, in place of `body`; the connection ends with it.
     std::function<ise::task<>(std::shared_ptr<http_stream>)> stream;
 };
@@ -112,7 +114,8 @@ public:
     /// Serves files by their paths, "/index.html" also as "/".
     void serve(std::span<const static_file> files);
     /// Serves one of these files under another path as well. `framed`: pages of other sites may show it in a frame.
-    void serve_as(std::string path, std::string file, bool framed = false);
+    /// `link`: a Link header of it, such as `<now.json>; rel=preload; as=fetch`; empty: none.
+    void serve_as(std::string path, std::string file, bool framed = false, std::string link = {});
     /// Answers each GET (and HEAD) of `path`.
     void get(std::string path, handler answer);
     void get(std::string path, quick_handler answer);
@@ -120,6 +123,8 @@ public:
     /// other than GET and HEAD.
     void otherwise(handler answer);
     void otherwise(quick_handler answer);
+    /// Lets pages load pictures from another origin, too: "https://tiles.example.org".
+    void allow_images(std::string origin);
     /// Default: one line of plain text.
     void on_error(error_page page);
     /// An event stream at `path`; the reference is valid as long as the server. Throws ise::error: invalid_argument (a

@@ -67,15 +67,19 @@ void boat_page::follow() {
     }
 }
 
-void boat_page::offer(http_server& server, bool first, std::vector<std::pair<std::string, sse_channel*>>& streams) {
+void boat_page::offer(http_server& server, bool first, const page_extras& extras,
+                      std::vector<std::pair<std::string, sse_channel*>>& streams) {
     auto under = [&](const std::string& prefix) {
         auto path = prefix + "/events";
         streams_.push_back(
             &server.events(path, [this](std::string_view last) { return state_.snapshot(clock(), last); }));
         streams.emplace_back(path, streams_.back());
+        offer_page_data(
+            server, prefix, state_, [this] { return clock(); }, extras);
         offer_downloads(server, prefix, state_, archive_, [this] { return clock(); });
     };
-    server.serve_as("/" + source_.id, "/index.html");
+    offer_page(server, source_.id);
+    if (first) offer_page(server, "");
     under("/" + source_.id);
     if (first) under("");
 }

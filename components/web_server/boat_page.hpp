@@ -2,6 +2,7 @@
 #include <components/boat/telemetry_follower.hpp>
 #include <components/http/http_server.hpp>
 #include <components/web_server/boat_source.hpp>
+#include <components/web_server/page_data.hpp>
 #include <components/web_server/telemetry_feed.hpp>
 #include <components/web_server/track_archive.hpp>
 
@@ -25,9 +26,10 @@ public:
     void restore();
     /// Starts to follow, as coroutines of the component.
     void follow();
-    /// Its address, streams and downloads; `first`: also under the addresses without a boat. Adds its streams to
+    /// Its address, data, streams and downloads; `first`: also under the addresses without a boat. Adds its streams to
     /// `streams`.
-    void offer(http_server& server, bool first, std::vector<std::pair<std::string, sse_channel*>>& streams);
+    void offer(http_server& server, bool first, const page_extras& extras,
+               std::vector<std::pair<std::string, sse_channel*>>& streams);
     /// The streams of `offer` are gone.
     void withdraw() noexcept { streams_.clear(); }
 

@@ -83,6 +83,7 @@ std::vector<sse_event> telemetry_feed::show(const telemetry_packet& packet, cons
     };
     const auto& body = message.body;
     if (const auto* l = std::get_if<location>(&body)) {
+        if (!packet.history) state_.on_report(packet.link, plausible_time(packet));
         if (has_fix(*l)) add(state_.apply(page_view(from, *l), now));
     } else if (const auto* n = std::get_if<navigation>(&body)) {
         add(state_.apply(page_view(from, *n), now));
@@ -94,6 +95,15 @@ std::vector<sse_event> telemetry_feed::show(const telemetry_packet& packet, cons
         add(state_.apply(page_view(from, *w), now));
     } else if (const auto* p = std::get_if<power>(&body)) {
         add(state_.apply(page_view(from, *p), now));
+    } else if (const auto* told = std::get_if<configuration>(&body)) {
+        if (!packet.history && packet.measured_at >= configured_at_) {
+            configured_at_ = packet.measured_at;
+            state_.on_configuration(*told);
+        }
+    } else if (const auto* status = std::get_if<link_status>(&body)) {
+        signal_update heard{from, std::string(name_of(status->link)), std::nullopt};
+        if (status->rssi_dbm != 0) heard.rssi_dbm = status->rssi_dbm;
+        add(state_.apply(heard, now));
     } else if (const auto* part = std::get_if<waypoints>(&body)) {
         add(waypoints_part(from, *part, now));
     }

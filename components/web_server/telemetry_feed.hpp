@@ -44,6 +44,7 @@ private:
     feed_statistics statistics_;
     // A long list comes in parts; parts of two revisions do not mix.
     std::uint16_t boot_ = 0, revision_ = 0;
+    utc_time configured_at_{};
     std::map<std::size_t, waypoint> parts_;
 };
 

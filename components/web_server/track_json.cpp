@@ -1,6 +1,10 @@
 #include <components/web_server/track_json.hpp>
 
+#include <fmt/format.h>
+
 #include <cmath>
+#include <cstdint>
+#include <optional>
 
 namespace atirma {
 
@@ -100,7 +104,7 @@ json to_json(const feed_update& update) {
 
 json track_columns() {
     return {"at",       "latitude_deg",   "longitude_deg",      "speed_mps",        "course_deg", "heading_deg",
-            "heel_deg", "wind_speed_mps", "wind_direction_deg", "circular_error_m", "source"};
+            "heel_deg", "wind_speed_mps", "wind_direction_deg", "circular_error_m", "source",     "silence_s"};
 }
 
 json to_json(const track_point& point) {
@@ -114,7 +118,61 @@ json to_json(const track_point& point) {
             maybe(point.wind_speed_mps, 1),
             maybe(point.wind_direction_deg, 0),
             maybe(point.circular_error_m, 0),
-            point.source};
+            point.source,
+            (point.silence.count() + 500) / 1000};
+}
+
+namespace {
+/// One column; `value_of(i)` is an optional number.
+template <class ValueOf>
+void append_column(std::string& to, std::string_view name, std::size_t count, std::int64_t scale, ValueOf value_of) {
+    to.append("\"").append(name).append("\":[").append(fmt::format_int(scale).c_str()).append(",[");
+    std::int64_t before = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+        if (i > 0) to += ',';
+        std::optional<double> value = value_of(i);
+        if (!value) {
+            to += "null";
+            continue;
+        }
+        auto whole = static_cast<std::int64_t>(std::llround(*value * static_cast<double>(scale)));
+        to += fmt::format_int(whole - before).c_str();
+        before = whole;
+    }
+    to += "]]";
+}
+
+double ms_of(utc_ms at) { return static_cast<double>(at.time_since_epoch().count()); }
+} // namespace
+
+void append_columns(std::string& to, const std::vector<track_point>& points) {
+    auto add = [&](std::string_view name, std::int64_t scale, auto value_of) {
+        to += to.back() == '{' ? "" : ",";
+        append_column(to, name, points.size(), scale,
+                      [&](std::size_t i) -> std::optional<double> { return value_of(points[i]); });
+    };
+    to += '{';
+    add("at", 1, [](const track_point& p) { return ms_of(p.at); });
+    add("latitude_deg", 1'000'000, [](const track_point& p) { return p.latitude_deg; });
+    add("longitude_deg", 1'000'000, [](const track_point& p) { return p.longitude_deg; });
+    add("speed_mps", 100, [](const track_point& p) { return p.speed_mps; });
+    add("course_deg", 1, [](const track_point& p) { return p.course_deg; });
+    add("heading_deg", 1, [](const track_point& p) { return p.heading_deg; });
+    add("heel_deg", 1, [](const track_point& p) { return p.heel_deg; });
+    add("wind_speed_mps", 10, [](const track_point& p) { return p.wind_speed_mps; });
+    add("wind_direction_deg", 1, [](const track_point& p) { return p.wind_direction_deg; });
+    add("circular_error_m", 1, [](const track_point& p) { return p.circular_error_m; });
+    add("source", 1, [](const track_point& p) { return static_cast<double>(p.source); });
+    add("silence_s", 1, [](const track_point& p) { return static_cast<double>((p.silence.count() + 500) / 1000); });
+    to += '}';
+}
+
+void append_history(std::string& to, const std::vector<std::pair<utc_ms, double>>& values) {
+    to += '{';
+    append_column(to, "at", values.size(), 1, [&](std::size_t i) { return std::optional(ms_of(values[i].first)); });
+    to += ',';
+    append_column(to, "value", values.size(), 100, [&](std::size_t i) { return std::optional(values[i].second); });
+    to += '}';
 }
 
 } // namespace atirma

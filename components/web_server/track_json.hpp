@@ -27,6 +27,11 @@ json to_json(const feed_update& update);
 /// A row of numbers in the order of `track_columns`.
 json to_json(const track_point& point);
 json track_columns();
+/// `{"at":[1,[…]],"latitude_deg":[1000000,[…]],…}`: of each of `track_columns` the number that its values are
+/// multiplied with to be whole, and then the differences; null where there is no value.
+void append_columns(std::string& to, const std::vector<track_point>& points);
+/// `{"at":[1,[…]],"value":[100,[…]]}`
+void append_history(std::string& to, const std::vector<std::pair<utc_ms, double>>& values);
 
 /// One line; bytes that are no UTF-8 become U+FFFD.
 std::string to_text(const json& value);

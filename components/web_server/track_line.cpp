@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 namespace atirma {
 
@@ -52,6 +53,7 @@ const track_point* track_line::before(utc_ms at) const noexcept {
 void track_line::append(track_point point) {
     bool rough = point.circular_error_m.value_or(0) > limits_.rough_fix_m;
     point.sailed_m = sailed_m();
+    if (!points_.empty()) point.silence = point.at - points_.back().at;
     if (!rough) {
         double moved = counted_from_ ? between(*counted_from_, point) : 0;
         if (!counted_from_ || moved >= limits_.noise_m) {
@@ -75,9 +77,12 @@ const track_point* track_line::insert(track_point point) {
         bool rough = point.circular_error_m.value_or(0) > limits_.rough_fix_m;
         if (next == points_.begin()) {
             if (!rough) detour = between(point, *next);
+            next->silence = next->at - point.at;
         } else {
             const auto& previous = *std::prev(next);
             point.sailed_m = previous.sailed_m;
+            point.silence = std::min(next->silence, point.at - previous.at);
+            next->silence = std::min(next->silence, next->at - point.at);
             if (!rough) {
                 point.sailed_m += between(previous, point);
                 detour = std::max(0.0, point.sailed_m + between(point, *next) - next->sailed_m);
@@ -132,9 +137,13 @@ void track_line::thin() {
     std::vector<track_point> kept;
     kept.reserve(points_.size());
     bool last_went = true; // the first point stays
+    std::chrono::milliseconds silence{0};
     for (std::size_t i = 0; i < points_.size(); ++i) {
         last_went = !last_went && i + 1 < old && weights[i] <= limit;
-        if (!last_went) kept.push_back(points_[i]);
+        silence = std::max(silence, points_[i].silence);
+        if (last_went) continue;
+        kept.push_back(points_[i]);
+        kept.back().silence = std::exchange(silence, std::chrono::milliseconds(0));
     }
     thinned_ += points_.size() - kept.size();
     points_ = std::move(kept);

@@ -25,6 +25,9 @@ struct track_point {
     std::uint32_t source = 0;   ///< index into the state's list of links
     std::uint64_t revision = 0; ///< of the state when it was added or last changed
     double sailed_m = 0;        ///< along the track up to here; thinning does not change it
+    /// The longest time without a fix since the point before: an outage stays one when the points beside it are
+    /// thinned.
+    std::chrono::milliseconds silence{0};
 };
 
 struct track_limits {

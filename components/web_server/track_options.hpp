@@ -11,7 +11,6 @@ struct track_options {
     std::string boat = "A-Tirma";          ///< its name
     std::string id = "a-tirma";            ///< in the page's addresses
     std::string epoch = "0";               ///< differs each time the server starts; letters, digits, '-'
-    std::chrono::seconds stale_after{60};  ///< an older position is "no current data" on the page
     std::chrono::seconds status_period{5}; ///< the pace of `status`; the page calls the server lost after three
     std::chrono::hours max_age{24 * 60};   ///< reports that are older when received are refused
     std::size_t max_waypoints = 500;

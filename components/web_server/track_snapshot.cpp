@@ -70,6 +70,36 @@ std::optional<double> track_state_parts::closing_mps(const track_waypoint& targe
            std::cos((towards - *position->course_over_ground_deg) * 0.017453292519943295);
 }
 
+void track_state_parts::remember(const std::string& quantity, utc_ms at, std::optional<double> value) {
+    if (!value) return;
+    auto& all = histories[quantity];
+    auto place = std::lower_bound(all.begin(), all.end(), at, [](const auto& one, utc_ms t) { return one.first < t; });
+    if (place != all.end() && place->first == at) return; // over another link
+    all.insert(place, {at, *value});
+    if (all.size() <= max_history) return;
+    quantity_history kept;
+    for (std::size_t i = 0; i < all.size(); ++i)
+        if (i >= all.size() / 2 || i % 2 == 0) kept.push_back(all[i]);
+    all = std::move(kept);
+}
+
+json track_state_parts::signals_json() const {
+    json all = json::object();
+    for (const auto& [link, signal] : signals)
+        all[printable(link)] = {{"measured_at", to_json(signal.from.measured_at)}, {"rssi_dbm", *signal.rssi_dbm}};
+    return all;
+}
+
+json track_state_parts::freshness_json() const {
+    json all = json::object();
+    auto pair = [](freshness_limits limits) { return json::array({limits.fresh_s, limits.stale_s}); };
+    for (const auto& [name, link] : names_of<link_id>())
+        all[std::string(name)] = {{"position", pair(rhythm.limits(value_kind::position, link))},
+                                  {"wind", pair(rhythm.limits(value_kind::breeze, link))},
+                                  {"power", pair(rhythm.limits(value_kind::supply, link))}};
+    return all;
+}
+
 json track_state_parts::feeds_json() const {
     json list = json::array();
     for (const auto& [source, feed] : feeds) list.push_back(to_json(feed));
@@ -80,6 +110,22 @@ json track_state_parts::heard_json() const {
     json all = json::object();
     for (const auto& [source, at] : heard) all[printable(source)] = to_json(at);
     return all;
+}
+
+json track_state_parts::state_json() const {
+    return {{"position", position ? to_json(*position) : json()},
+            {"navigation", navigation ? to_json(*navigation) : json()},
+            {"wind", wind ? to_json(*wind) : json()},
+            {"power", power ? to_json(*power) : json()},
+            {"waypoints", waypoints ? to_json(*waypoints) : json()},
+            {"mode", mode ? to_json(*mode) : json()},
+            {"next", next_waypoint()},
+            {"trip", trip()},
+            {"feeds", feeds_json()},
+            {"signal", signals_json()},
+            {"freshness", freshness_json()},
+            {"heard", heard_json()},
+            {"sources", sources}};
 }
 
 sse_event track_state::snapshot(utc_ms now, std::string_view last_event_id) const {
@@ -95,35 +141,66 @@ sse_event track_state::snapshot(utc_ms now, std::string_view last_event_id) cons
     json points = json::array();
     for (const auto& point : self.line.points())
         if (!partial || point.revision > seen) points.push_back(to_json(point));
-    json state = {{"position", self.position ? to_json(*self.position) : json()},
-                  {"navigation", self.navigation ? to_json(*self.navigation) : json()},
-                  {"wind", self.wind ? to_json(*self.wind) : json()},
-                  {"power", self.power ? to_json(*self.power) : json()},
-                  {"waypoints", self.waypoints ? to_json(*self.waypoints) : json()},
-                  {"mode", self.mode ? to_json(*self.mode) : json()},
-                  {"next", self.next_waypoint()},
-                  {"trip", self.trip()},
-                  {"feeds", self.feeds_json()},
-                  {"heard", self.heard_json()},
-                  {"sources", self.sources}};
     json data = {{"now", to_json(now)},
                  {"boat", self.options.boat},
                  {"boat_id", self.options.id},
                  {"epoch", self.options.epoch},
-                 {"stale_after_s", self.options.stale_after.count()},
                  {"status_period_s", self.options.status_period.count()},
                  {"max_points", self.options.track.max_points},
                  {"partial", partial},
                  {"columns", track_columns()},
                  {"points", std::move(points)},
-                 {"state", std::move(state)}};
+                 {"state", self.state_json()}};
     return {self.id(), "snapshot", to_text(data)};
 }
 
 sse_event track_state::status(utc_ms now) const {
-    return {
-        "", "status",
-        to_text({{"now", to_json(now)}, {"state", {{"feeds", self_->feeds_json()}, {"heard", self_->heard_json()}}}})};
+    return {"", "status",
+            to_text({{"now", to_json(now)},
+                     {"state",
+                      {{"feeds", self_->feeds_json()},
+                       {"heard", self_->heard_json()},
+                       {"freshness", self_->freshness_json()}}}})};
+}
+
+std::string track_state::id() const { return self_->id(); }
+
+std::string track_state::newest_text(utc_ms now, std::string_view track_id, std::string_view more) const {
+    const auto& self = *self_;
+    json data = {{"now", to_json(now)},
+                 {"id", track_id},
+                 {"boat", self.options.boat},
+                 {"boat_id", self.options.id},
+                 {"epoch", self.options.epoch},
+                 {"status_period_s", self.options.status_period.count()},
+                 {"max_points", self.options.track.max_points},
+                 {"columns", track_columns()},
+                 {"state", self.state_json()}};
+    auto text = to_text(data);
+    text.insert(1, more);
+    return text;
+}
+
+std::string track_state::track_text() const {
+    const auto& self = *self_;
+    auto text = fmt::format(R"({{"id":"{}","epoch":"{}","columns":)", self.id(), self.options.epoch);
+    append_columns(text, self.line.points());
+    text += ",\"histories\":{";
+    bool first = true;
+    for (const auto& [quantity, values] : self.histories) {
+        text += fmt::format(R"({}"{}":)", first ? "" : ",", printable(quantity));
+        append_history(text, values);
+        first = false;
+    }
+    return text + "}}";
+}
+
+void track_state::on_report(link_id link, utc_ms measured_at) noexcept { self_->rhythm.on_report(link, measured_at); }
+void track_state::on_configuration(const configuration& told) noexcept { self_->rhythm.on_configuration(told); }
+
+freshness_limits track_state::position_limits() const noexcept {
+    auto link = self_->position ? from_name<link_id>(self_->position->from.source) : std::nullopt;
+    return self_->rhythm.limits(value_kind::position, link.value_or(link_id::xbee));
 }
 
 void track_state::restore(track_point fix, const std::string& link) {

@@ -47,7 +47,8 @@ bool track_state_parts::would_blur(const position_update& update) const {
         return p.circular_error_m.value_or(0) > options.track.rough_fix_m;
     };
     return rough(update) && position && !rough(*position) &&
-           update.from.measured_at - position->from.measured_at <= options.stale_after;
+           std::chrono::duration<double>(update.from.measured_at - position->from.measured_at).count() <
+               limits_of(rhythm.position_s(from_name<link_id>(position->from.source).value_or(link_id::xbee))).stale_s;
 }
 
 std::uint32_t track_state_parts::source_index(const std::string& source) {
@@ -106,6 +107,7 @@ std::optional<sse_event> track_state::apply(const position_update& given, utc_ms
     if (!newer && !placed) return std::nullopt;
     json state = {{"trip", self.trip()}, {"heard", self.heard_json()}};
     if (newer) {
+        state["freshness"] = self.freshness_json();
         state["position"] = to_json(*self.position);
         state["next"] = self.next_waypoint();
     }
@@ -162,10 +164,14 @@ std::optional<sse_event> track_state::apply(const wind_update& given, utc_ms now
 std::optional<sse_event> track_state::apply(const power_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
-    if (!self.accept(update.from) || !self.is_newer(self.power, update)) return std::nullopt;
+    if (!self.accept(update.from)) return std::nullopt;
     keep_within(update.battery_voltage_v, 0, 1000);
     keep_within(update.battery_current_a, -1000, 1000);
     keep_within(update.battery_charge_percent, 0, 100);
+    self.remember("battery_charge_percent", update.from.measured_at, update.battery_charge_percent);
+    self.remember("battery_voltage_v", update.from.measured_at, update.battery_voltage_v);
+    self.remember("battery_current_a", update.from.measured_at, update.battery_current_a);
+    if (!self.is_newer(self.power, update)) return std::nullopt;
     self.power = std::move(update);
     ++self.revision;
     return self.event(now, {{"power", to_json(*self.power)}, {"heard", self.heard_json()}});
@@ -197,6 +203,23 @@ std::optional<sse_event> track_state::apply(const mode_update& given, utc_ms now
     self.mode = std::move(update);
     ++self.revision;
     return self.event(now, {{"mode", to_json(*self.mode)}, {"heard", self.heard_json()}});
+}
+
+std::optional<sse_event> track_state::apply(const signal_update& given, utc_ms now) {
+    auto& self = *self_;
+    auto update = given;
+    update.link = bounded(update.link);
+    auto known = self.signals.find(update.link);
+    if (known == self.signals.end() && self.signals.size() >= max_track_sources)
+        return ++self.statistics.refused, std::nullopt;
+    if (!self.accept(update.from)) return std::nullopt;
+    keep_within(update.rssi_dbm, -200, 50);
+    if (!update.rssi_dbm) return std::nullopt;
+    self.remember("signal_" + update.link, update.from.measured_at, update.rssi_dbm);
+    if (known != self.signals.end() && known->second.from.measured_at >= update.from.measured_at) return std::nullopt;
+    self.signals.insert_or_assign(update.link, update);
+    ++self.revision;
+    return self.event(now, {{"signal", self.signals_json()}, {"heard", self.heard_json()}});
 }
 
 std::optional<sse_event> track_state::apply(const feed_update& given, utc_ms now) {

@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/report_rhythm.hpp>
 #include <components/http/sse_event.hpp>
 #include <components/web_server/track_line.hpp>
 #include <components/web_server/track_options.hpp>
@@ -34,7 +35,24 @@ public:
     std::optional<sse_event> apply(const power_update& update, utc_ms now);
     std::optional<sse_event> apply(const waypoints_update& update, utc_ms now);
     std::optional<sse_event> apply(const mode_update& update, utc_ms now);
+    std::optional<sse_event> apply(const signal_update& update, utc_ms now);
     std::optional<sse_event> apply(const feed_update& update, utc_ms now);
+
+    /// How often the boat reports, as it tells and as it does: the page's rule of freshness follows it.
+    void on_report(link_id link, utc_ms measured_at) noexcept;
+    void on_configuration(const configuration& told) noexcept;
+    /// Of the newest position's link.
+    freshness_limits position_limits() const noexcept;
+
+    /// The newest report of each kind as JSON, without the track: what a page shows first. `track_id` is that of the
+    /// `track_text` which the page gets besides: its stream goes on from there. `more` is a JSON object's members,
+    /// each followed by a comma; may be empty.
+    std::string newest_text(utc_ms now, std::string_view track_id, std::string_view more = {}) const;
+    /// The whole track and the histories of other quantities as JSON: column by column, each value as the difference
+    /// from the one before (README.md).
+    std::string track_text() const;
+    /// What `snapshot` and events have as their id now.
+    std::string id() const;
 
     /// Everything, for a new client; only the track points since `last_event_id` where that is an id of this epoch.
     sse_event snapshot(utc_ms now, std::string_view last_event_id = {}) const;

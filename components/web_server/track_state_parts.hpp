@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/report_rhythm.hpp>
 #include <components/http/sse_event.hpp>
 #include <components/web_server/track_json.hpp>
 #include <components/web_server/track_options.hpp>
@@ -20,6 +21,10 @@ constexpr std::size_t max_track_sources = 16;
 /// How far apart in time a fix and a wind may be to belong together.
 constexpr std::chrono::seconds match_window{60};
 
+/// Values of a quantity in the order of time: of more, the older half keeps every other one.
+constexpr std::size_t max_history = 1000;
+using quantity_history = std::vector<std::pair<utc_ms, double>>;
+
 inline std::string bounded(std::string_view text) { return std::string(text.substr(0, max_track_text)); }
 
 struct track_state_parts {
@@ -38,7 +43,10 @@ struct track_state_parts {
     std::optional<utc_ms> leg_since; ///< when the active waypoint became it
     std::vector<std::string> sources;
     std::map<std::string, feed_update, std::less<>> feeds;
-    std::map<std::string, utc_ms, std::less<>> heard; ///< last live report by link
+    std::map<std::string, utc_ms, std::less<>> heard;               ///< last live report by link
+    std::map<std::string, signal_update, std::less<>> signals;      ///< by link
+    std::map<std::string, quantity_history, std::less<>> histories; ///< of what is not reported with positions
+    report_rhythm rhythm;
 
     std::string id() const { return fmt::format("{}:{}", options.epoch, revision); }
 
@@ -62,6 +70,11 @@ struct track_state_parts {
     /// last minutes of the leg; at its beginning, the speed's part in that direction.
     std::optional<double> closing_mps(const track_waypoint& target, double there_m) const;
     void set_active(std::optional<std::size_t> active, utc_ms at);
+    void remember(const std::string& quantity, utc_ms at, std::optional<double> value);
+    json state_json() const;
+    json signals_json() const;
+    /// By link and kind of value: up to which age in seconds it is fresh, and from which on stale.
+    json freshness_json() const;
     json feeds_json() const;
     json heard_json() const;
 };

@@ -72,6 +72,13 @@ struct mode_update {
     std::string mode; ///< "auto", "hold", "manual"…
 };
 
+/// How well the boat hears the shore.
+struct signal_update {
+    report_origin from;
+    std::string link;               ///< that is heard, whichever link told it
+    std::optional<double> rssi_dbm; ///< of the last packet that the boat heard
+};
+
 /// Whether the server itself is in touch with what brings the boat's reports: the proxy of a link, or the
 /// communication nodes that follow several links.
 struct feed_update {

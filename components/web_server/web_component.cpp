@@ -87,6 +87,7 @@ ise::task<> web_server::run() {
             self.keep();
         }
     } guard{*this};
+    check(options_.tiles);
     server_.reset();
     forget_boats();
     archive_.reset();
@@ -162,7 +163,11 @@ void web_server::listen() {
     server->on_error(page_error);
     server->serve(page_assets());
     server->serve_as("/embed", "/index.html", true);
-    for (auto& boat : boats_) boat->offer(*server, boat == boats_.front(), streams_);
+    if (!options_.tiles.url.empty()) server->allow_images(origin_of(options_.tiles.url));
+    page_extras extras;
+    extras.tiles = options_.tiles;
+    if (boats_.size() > 1) extras.boats = [this] { return fleet_json(); };
+    for (auto& boat : boats_) boat->offer(*server, boat == boats_.front(), extras, streams_);
     server->get("/boats.json", [this](const http_request&) { return json_response(fleet_json()); });
     server->get("/api/status", [this](const http_request&) { return json_response(status_json()); });
     if (auto listening = server->listen(endpoint_of(http)); !listening)
@@ -178,7 +183,7 @@ std::string web_server::fleet_json() const {
     for (const auto& boat : boats_) {
         json one = {{"id", boat->source().id},
                     {"name", boat->source().name},
-                    {"stale_after_s", options_.track.stale_after.count()}};
+                    {"stale_after_s", boat->state().position_limits().stale_s}};
         if (const auto& at = boat->state().position())
             one["position"] = {{"latitude_deg", rounded(at->latitude_deg, 6)},
                                {"longitude_deg", rounded(at->longitude_deg, 6)},
@@ -204,12 +209,13 @@ std::string web_server::status_json() const {
         one["position"] = nullptr;
         if (const auto& at = boat.state().position()) {
             auto age = clock() - at->from.measured_at;
-            one["position"] = {{"latitude_deg", rounded(at->latitude_deg, 7)},
-                               {"longitude_deg", rounded(at->longitude_deg, 7)},
-                               {"measured_at", to_json(at->from.measured_at)},
-                               {"link", at->from.source},
-                               {"age_s", static_cast<double>(age.count()) / 1000},
-                               {"stale", age > boat.state().options().stale_after}};
+            one["position"] = {
+                {"latitude_deg", rounded(at->latitude_deg, 7)},
+                {"longitude_deg", rounded(at->longitude_deg, 7)},
+                {"measured_at", to_json(at->from.measured_at)},
+                {"link", at->from.source},
+                {"age_s", static_cast<double>(age.count()) / 1000},
+                {"stale", static_cast<double>(age.count()) / 1000 >= boat.state().position_limits().stale_s}};
         }
         return one;
     };

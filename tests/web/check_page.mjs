@@ -88,7 +88,8 @@ await check('a live boat is shown with its values', async () => {
   assert.match(await text(desktop, '#next-distance'), /\d+ m|nm/);
   assert.match(await text(desktop, '#twd'), /from \d{3}°/);
   assert.match(await text(desktop, '#awa'), /port|starboard/);
-  assert.match(await text(desktop, '#mode'), /auto/);
+  assert.match(await text(desktop, '#mode'), /^Automatic$/);
+  assert.match(await text(desktop, '#head-mode'), /^Automatic$/);
   assert.match(await text(desktop, '#battery'), /83 % · 12\.7 V/);
   assert.match(await text(desktop, '#covered'), /nm/);
   assert.match(await text(desktop, '#elapsed'), /1 h/);
@@ -188,7 +189,7 @@ await check('the tail shortens track and charts, and its length is kept', async 
   await desktop.selectOption('#tail', '15min');
   await until('a shorter track', async () => await drawn() < whole / 2);
   await until('shorter charts', async () => { // "from 14:05 to 14:20"
-    const [, h1, m1, h2, m2] = (await desktop.locator('#speed-chart').getAttribute('aria-label')).match(/from (\d\d):(\d\d) to (\d\d):(\d\d)/).map(Number);
+    const [, h1, m1, h2, m2] = (await desktop.locator('#left-chart').getAttribute('aria-label')).match(/from (\d\d):(\d\d) to (\d\d):(\d\d)/).map(Number);
     return ((h2 * 60 + m2) - (h1 * 60 + m1) + 1440) % 1440 <= 16;
   });
   await shot(desktop, 'desktop-tail-light');
@@ -231,6 +232,91 @@ await check('the other boat is on the map and in the list, and has a page of its
   assert.match(await (await other.request.get(`${url}vela/track.gpx`)).text(), /<name>Vela<\/name>/);
   await other.context().close();
 });
+await check('pointing at the track, a waypoint or, by a click, any place tells what is known of it, at once', async () => {
+  const box = await desktop.locator('#map').boundingBox();
+  const on_track = await desktop.evaluate(() => { // some point in the middle of the longest line
+    const path = [...document.querySelectorAll('path.track')].sort((a, b) => b.getAttribute('d').length - a.getAttribute('d').length)[0];
+    const at = path.getPointAtLength(path.getTotalLength() / 2), screen = new DOMPoint(at.x, at.y).matrixTransform(path.getScreenCTM());
+    return [screen.x, screen.y];
+  });
+  await desktop.mouse.move(box.x + 5, box.y + box.height / 2);
+  await desktop.mouse.move(...on_track);
+  await shown(desktop, '#ask .title', /\d\d:\d\d:\d\d UTC/);
+  assert.match(await text(desktop, '#ask'), /Speed[^]*kn[^]*COG[^]*Wind[^]*from[^]*Link[^]*(XBee|GPRS)/);
+  await shot(desktop, 'desktop-ask-track');
+  const took = await desktop.evaluate(([x, y]) => { // from the event to the words
+    const card = document.getElementById('ask'), target = document.elementFromPoint(x, y), all = [];
+    for (let i = 0; i < 20; ++i) {
+      target.dispatchEvent(new MouseEvent('mouseout', { bubbles: true, clientX: x, clientY: y }));
+      card.hidden = true;
+      const before = performance.now();
+      target.dispatchEvent(new MouseEvent('mousemove', { bubbles: true, clientX: x + i % 3, clientY: y }));
+      all.push(performance.now() - before);
+      if (card.hidden) throw new Error('nothing is told');
+    }
+    return Math.max(...all);
+  }, on_track);
+  assert.ok(took < 100, `${took} ms`);
+  const waypoint = await desktop.locator('.waypoint.active i').boundingBox();
+  await desktop.mouse.move(waypoint.x + 5, waypoint.y + 5);
+  await shown(desktop, '#ask .title', /of 3/);
+  assert.match(await text(desktop, '#ask'), /From the boat[^]*°, /);
+  await desktop.mouse.click(box.x + box.width - 160, box.y + 120);
+  await shown(desktop, '#ask .title', /°.*N.*°.*W/);
+  await desktop.keyboard.press('Escape');
+  assert.equal(await desktop.locator('#ask').isHidden(), true);
+});
+await check('the charts show every quantity, say which, and name the zone of their times', async () => {
+  for (const [name, words] of [['battery', /Battery charge: between 83 and 83 %/], ['heel', /Heel: between/], ['signal_xbee', /Signal aboard, XBee: between -71/], ['wind_direction', /True wind direction/]]) {
+    await desktop.selectOption('#left-quantity', name);
+    await until(name, async () => words.test(await desktop.locator('#left-chart').getAttribute('aria-label')));
+  }
+  assert.match(await desktop.locator('#left-chart').getAttribute('aria-label'), / UTC/);
+  await desktop.selectOption('#left-quantity', 'heel');
+  await shot(desktop, 'desktop-heel');
+  await desktop.selectOption('#left-quantity', 'speed');
+});
+await check('a copied link shows the same place, time and colours', async () => {
+  await desktop.locator('#slider').fill('500');
+  await desktop.click('[data-colour=link]');
+  await desktop.click('.leaflet-control-zoom-in');
+  await desktop.waitForTimeout(600); // of the zoom
+  await desktop.click('#share');
+  const then = await text(desktop, '#slider-time');
+  const link = desktop.url();
+  assert.match(link, /#.*map=[\d.]+\/28\.\d+\/-15\.\d+.*/);
+  const other = await open({ viewport: { width: 1440, height: 900 }, colorScheme: 'light', timezoneId: 'Pacific/Kiritimati' }, link);
+  await until('the same time', async () => await text(other, '#slider-time') === then);
+  assert.equal(await other.locator('[data-colour=link]').getAttribute('aria-pressed'), 'true');
+  assert.equal(await other.locator('.boat.past').count(), 1);
+  await other.click('#share');
+  const [a, b] = [link, other.url()].map(u => new URLSearchParams(new URL(u).hash.slice(1)));
+  assert.deepEqual([a.get('map'), a.get('t'), a.get('colour')], [b.get('map'), b.get('t'), b.get('colour')]);
+  await other.context().close();
+  await desktop.click('[data-colour=speed]');
+  await desktop.click('#live');
+  await desktop.click('#fit');
+});
+await check('the average is one of the speeds that are shown, whatever the clock', async () => {
+  const { points } = await (await desktop.request.get(url + 'state.json')).json();
+  const mean = points.reduce((sum, p) => sum + p[3], 0) / points.length * 3600 / 1852;
+  assert.ok(Math.abs(Number((await text(desktop, '#average')).split(' ')[0]) - mean) < 0.4, `${mean}`);
+  assert.equal(await desktop.locator('#fast-clock').isHidden(), true);
+});
+await check('everything is there in Spanish, too, and the choice is in the address', async () => {
+  await desktop.selectOption('#lang', 'es');
+  await shown(desktop, '#pill', /^En directo$/);
+  assert.equal(await desktop.locator('html').getAttribute('lang'), 'es');
+  assert.match(await text(desktop, '#age'), /^hace \d/);
+  assert.match(await text(desktop, '#head-mode'), /^Automático$/);
+  await until('the address', async () => /lang=es/.test(desktop.url()));
+  const english = await desktop.evaluate(() => document.body.innerText.match(/\b(ago|the|boat|since|Wind|Heading|Speed|whole|from)\b/g));
+  assert.equal(english, null);
+  await shot(desktop, 'desktop-spanish');
+});
+await accessible(desktop, 'live, in Spanish');
+await desktop.selectOption('#lang', 'en');
+await shown(desktop, '#pill', /^Live$/);
 await accessible(desktop, 'live, light');
 await desktop.locator('details summary').click();
 await desktop.locator('#slider').fill('400');
@@ -317,7 +403,7 @@ await check('a phone shows everything without scrolling sideways', async () => {
   await shown(phone, '#age', /ago/);
   await phone.waitForSelector('#legend');
   assert.ok(await fits(phone));
-  for (const selector of ['#map', '#pill', '#age', '#dial', '#slider', '#speed-chart', '#next-distance', '#links', '#tail', '#legend', '.files']) {
+  for (const selector of ['#map', '#pill', '#age', '#dial', '#slider', '#left-chart', '#next-distance', '#links', '#tail', '#legend', '.files']) {
     const box = await phone.locator(selector).boundingBox();
     assert.ok(box && box.width > 8 && box.x >= 0 && box.x + box.width <= 360.5, `${selector}: ${JSON.stringify(box)}`);
   }
@@ -327,6 +413,42 @@ await check('a phone shows everything without scrolling sideways', async () => {
 await shot(phone, 'phone-live-light');
 await shot(phone, 'phone-live-light-full', true);
 await accessible(phone, 'on a phone');
+
+const upright = await open({ viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true, colorScheme: 'light', locale: 'es-ES' });
+await check('a phone speaks its owner\'s language, and a tap tells of a waypoint', async () => {
+  await shown(upright, '#pill', /^En directo$/);
+  assert.ok(await fits(upright));
+  const at = await upright.locator('.waypoint.active i').boundingBox();
+  await upright.touchscreen.tap(at.x + 5, at.y + 5);
+  await shown(upright, '#ask .title', /de 3/);
+  await shot(upright, 'phone-390-ask-spanish');
+  await upright.click('#ask .close');
+});
+await shot(upright, 'phone-390-spanish');
+await shot(upright, 'phone-390-spanish-full', true);
+await accessible(upright, 'on a phone, in Spanish');
+const sideways = await open({ viewport: { width: 844, height: 390 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true, colorScheme: 'light' });
+await check('a phone on its side shows map and values beside each other', async () => {
+  await shown(sideways, '#age', /ago/);
+  assert.ok(await fits(sideways));
+  for (const selector of ['#map', '#pill', '#age', '#sog', '#slider', '#legend']) {
+    const box = await sideways.locator(selector).boundingBox();
+    assert.ok(box && box.x >= 0 && box.x + box.width <= 844.5 && box.y >= 0 && box.y + box.height <= 390.5, `${selector}: ${JSON.stringify(box)}`);
+  }
+  const map = await sideways.locator('#map').boundingBox();
+  assert.ok(map.height > 200 && map.width > 400, JSON.stringify(map));
+});
+await shot(sideways, 'phone-sideways');
+await accessible(sideways, 'on a phone on its side');
+const wall = await open({ viewport: { width: 3840, height: 2160 }, colorScheme: 'dark' });
+await check('a 4K screen has letters that are read from further away', async () => {
+  await shown(wall, '#age', /ago/);
+  assert.ok(await fits(wall));
+  assert.ok(await wall.evaluate(() => parseFloat(getComputedStyle(document.getElementById('sog')).fontSize)) > 30);
+});
+await shot(wall, 'wall-4k');
+await accessible(wall, 'on a 4K screen');
+await wall.context().close();
 
 await check('a boat that is silent is "no current data", with since when', async () => {
   await tell('silence');
@@ -345,6 +467,7 @@ await shot(dark, 'desktop-stale-dark');
 await shot(phone, 'phone-stale-light');
 await check('a phone still fits when data is stale', async () => assert.ok(await fits(phone)));
 await accessible(desktop, 'no current data');
+await accessible(upright, 'no current data, in Spanish');
 await check('a shore that is lost is named, and no link is called well', async () => {
   await tell('nodes off');
   await shown(desktop, '#shore', /No connection to the shore station since/);
@@ -372,6 +495,7 @@ await check('losing the server is told apart from losing the boat', async () => 
   assert.equal(await desktop.locator('#links [data-state=good]').count(), 0);
 });
 await accessible(desktop, 'server lost');
+await accessible(upright, 'server lost, in Spanish');
 await shot(desktop, 'desktop-server-lost-light');
 await shot(dark, 'desktop-server-lost-dark');
 await shot(phone, 'phone-server-lost-light');
@@ -404,6 +528,42 @@ await check('a rough fix shows its circle and says so', async () => {
   await desktop.waitForSelector('path.accuracy', { state: 'attached' });
   await tell('rough');
 });
+const voyage = await serve('ocean');
+const ocean = await open({ viewport: { width: 1440, height: 900 }, colorScheme: 'light' }, voyage.url);
+await check('a track from the Canaries to the Caribbean fits, with the coasts of both sides, and its outage is no line', async () => {
+  await shown(ocean, '#age', /ago/);
+  await until('the track', async () => (await ocean.locator('path.track').evaluateAll(all => all.map(p => p.getAttribute('d')).join('').length)) > 1000);
+  await until('the coast', async () => await ocean.locator('path.land.world').count() > 5);
+  assert.match(await text(ocean, '.leaflet-control-attribution'), /Natural Earth/);
+  assert.match(await text(ocean, '#pill'), /Live/); // thirty seconds old, at ten minutes a report
+  const ends = await ocean.locator('path.gap-end').evaluateAll(all => all.map(p => { const b = p.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; }));
+  assert.equal(ends.length, 2);
+  const between = [(ends[0][0] + ends[1][0]) / 2, (ends[0][1] + ends[1][1]) / 2];
+  assert.ok(Math.hypot(ends[0][0] - ends[1][0], ends[0][1] - ends[1][1]) > 20);
+  const crossed = await ocean.evaluate(([x, y]) => [...document.querySelectorAll('path.track, path.ahead')].filter(path => {
+    const at = new DOMPoint(x, y).matrixTransform(path.getScreenCTM().inverse()), box = 12;
+    for (let l = 0, all = path.getTotalLength(); l < all; l += 4) { const p = path.getPointAtLength(l); if (Math.hypot(p.x - at.x, p.y - at.y) < box) return true; }
+    return false;
+  }).length, between);
+  assert.equal(crossed, 0);
+  await shot(ocean, 'ocean-light');
+});
+await check('the chart can be zoomed out to the whole world, and at home its detail has an edge', async () => {
+  for (let i = 0; i < 12; ++i) await ocean.keyboard.press('Tab'); // somewhere in the page
+  await ocean.locator('#map').focus();
+  for (let i = 0; i < 5; ++i) { await ocean.keyboard.press('-'); await ocean.waitForTimeout(350); }
+  await until('the whole world', async () => await ocean.locator('path.land.world').count() > 80);
+  await shot(ocean, 'ocean-world');
+  const home = await open({ viewport: { width: 1440, height: 900 }, colorScheme: 'light' }, `${voyage.url}#map=9/28.3/-14.6`);
+  await until('its edge', async () => await home.locator('path.edge').count() === 1);
+  await shown(home, '#coarse', /only within the frame/);
+  await until('the other islands', async () => await home.locator('path.land.world').count() > 0);
+  await shot(home, 'ocean-home');
+  await accessible(home, 'the edge of the detailed coast');
+  await home.context().close();
+});
+await accessible(ocean, 'the world');
+await ocean.context().close();
 const unheard = await serve('empty');
 const early = await open({ viewport: { width: 1440, height: 900 }, colorScheme: 'light' }, unheard.url);
 await check('before the first position the page says that it waits, and starts by itself', async () => {
@@ -419,5 +579,6 @@ await check('the pages raised no error and asked no other host', async () => ass
 await browser.close();
 await stop();
 await unheard.stop();
+await voyage.stop();
 console.log(`${checks} checks held, ${failed} failed`);
 process.exit(failed ? 1 : 0);

@@ -1,10 +1,12 @@
 // The tracking page with a scripted boat on course T1, without any of the middleware.
-// page_preview [port [empty]]: prints "listening on URL", then obeys lines on stdin: silence, resume, receiver off,
-// receiver on, nodes off, nodes on, rough, estimate, close (the server stops listening), open,
-// quit. The end of stdin is quit too. A second boat, Vela, lies at anchor, unless `empty`.
+// page_preview [port [empty|ocean]]: prints "listening on URL", then obeys lines on stdin: silence, resume,
+// receiver off, receiver on, nodes off, nodes on, rough, estimate, close (the server stops listening), open,
+// quit. The end of stdin is quit too. A second boat, Vela, lies at anchor, unless `empty`. `ocean`: a track of 3000
+// fixes from the Canaries to the Caribbean by Iridium, every ten minutes, with an outage of two days.
 #include <components/http/http_server.hpp>
 #include <components/web_server/assets.hpp>
 #include <components/web_server/downloads.hpp>
+#include <components/web_server/page_data.hpp>
 #include <components/web_server/track_state.hpp>
 #include <components/web_server/web_component.hpp>
 
@@ -97,8 +99,9 @@ public:
     void tell_course(Publish publish) {
         atirma::report_origin from{time_, time_, "xbee", false};
         publish(state_.apply(atirma::waypoints_update{from, course_, active_, true}, time_));
-        publish(state_.apply(atirma::mode_update{from, "auto"}, time_));
+        publish(state_.apply(atirma::mode_update{from, "automatic"}, time_));
         publish(state_.apply(atirma::power_update{from, 12.7, 0.8, 83.0}, time_));
+        publish(state_.apply(atirma::signal_update{from, "xbee", -71.0}, time_));
     }
 
     atirma::utc_ms time() const { return time_; }
@@ -113,6 +116,39 @@ private:
     int tack_ = 1, on_tack_ = 0;
 };
 
+/// 3000 fixes, one every ten minutes, from Gran Canaria to Barbados along the trade wind.
+void cross(atirma::track_state& state, atirma::utc_ms now) {
+    constexpr int fixes = 3000;
+    atirma::configuration told;
+    told.telemetry_period_s = {0, 0, 600};
+    state.on_configuration(told);
+    for (int i = 0; i < fixes; ++i) {
+        auto at = now - 30s - (fixes - 1 - i) * 10min;
+        if (i > 1800 && i < 2088) continue; // two days without a report
+        double part = static_cast<double>(i) / (fixes - 1), swell = std::sin(i / 7.0);
+        atirma::report_origin from{at, at + 20s, "iridium", false};
+        state.on_report(atirma::link_id::iridium, at);
+        state.apply(atirma::wind_update{from, 150, 5 + swell, 65 + 8 * swell, 7.5 + 1.5 * std::sin(i / 40.0)},
+                    at + 20s);
+        state.apply(atirma::navigation_update{.from = from, .heading_deg = 255 + 6 * swell, .heel_deg = 9 + 4 * swell},
+                    at + 20s);
+        state.apply(atirma::power_update{from, 12.4 + 0.5 * std::sin(i / 23.0), 0.4, 70 + 25 * std::sin(i / 23.0)},
+                    at + 20s);
+        state.apply(atirma::position_update{.from = from,
+                                            .latitude_deg = 27.9 - 14.8 * part + 0.3 * std::sin(i / 90.0),
+                                            .longitude_deg = -15.7 - 43.9 * part,
+                                            .speed_over_ground_mps = 2.5 + 0.6 * swell,
+                                            .course_over_ground_deg = 254.0 + 5 * swell,
+                                            .satellites = 8},
+                    at + 20s);
+    }
+    atirma::report_origin from{now - 30s, now - 10s, "iridium", false};
+    state.apply(atirma::waypoints_update{from, {{13.1, -59.62, "Barbados"}, {14.0, -61.0, "Saint Lucia"}}, 1, false},
+                now);
+    state.apply(atirma::mode_update{from, "automatic"}, now);
+    state.apply(atirma::feed_update{"iridium", true, now - 24h, "", true, std::nullopt}, now);
+}
+
 atirma::http_response json_text(std::string text) {
     return atirma::http_response{std::move(text), "application/json; charset=utf-8"};
 }
@@ -126,7 +162,6 @@ int main(int argc, char** argv) {
     ise::task_scope scope(host->loop(), [](const std::string&, std::exception_ptr) {});
     atirma::track_options track;
     track.epoch = fmt::format("{:x}", wall_clock().time_since_epoch().count());
-    track.stale_after = 6s;
     track.status_period = 1s;
     atirma::track_state state(track);
     auto port = static_cast<std::uint16_t>(argc > 1 ? std::atoi(argv[1]) : 0);
@@ -134,7 +169,8 @@ int main(int argc, char** argv) {
 
     std::unique_ptr<atirma::http_server> server;
     atirma::sse_channel *events = nullptr, *named = nullptr;
-    bool empty = argc > 2 && std::string_view(argv[2]) == "empty";
+    std::string_view scene = argc > 2 ? argv[2] : "";
+    bool empty = scene == "empty", ocean = scene == "ocean";
     atirma::track_options other = track;
     other.boat = "Vela";
     other.id = "vela";
@@ -143,7 +179,7 @@ int main(int argc, char** argv) {
         auto one = [](const atirma::track_state& of) {
             auto& at = of.position();
             return fmt::format(R"({{"id":"{}","name":"{}","stale_after_s":{},"position":{}}})", of.options().id,
-                               of.options().boat, of.options().stale_after.count(),
+                               of.options().boat, of.position_limits().stale_s,
                                at ? fmt::format(R"({{"latitude_deg":{},"longitude_deg":{},"measured_at":{}}})",
                                                 at->latitude_deg, at->longitude_deg,
                                                 at->from.measured_at.time_since_epoch().count())
@@ -159,9 +195,13 @@ int main(int argc, char** argv) {
         server->serve(atirma::page_assets());
         server->serve_as("/embed", "/index.html", true);
         for (auto& [prefix, one] :
-             {std::pair<std::string, atirma::track_state&>{"", state}, {"/a-tirma", state}, {"/vela", vela}})
+             {std::pair<std::string, atirma::track_state&>{"", state}, {"/a-tirma", state}, {"/vela", vela}}) {
+            atirma::page_extras extras;
+            if (!empty && !ocean) extras.boats = fleet;
+            atirma::offer_page_data(*server, prefix, one, wall_clock, std::move(extras));
             atirma::offer_downloads(*server, prefix, one, nullptr, wall_clock);
-        for (auto name : {"/a-tirma", "/vela"}) server->serve_as(name, "/index.html");
+        }
+        for (auto id : {"", "a-tirma", "vela"}) atirma::offer_page(*server, id);
         server->get("/boats.json", [&](const auto&) { return json_text(fleet()); });
         server->get("/state.json", [&](const auto&) { return json_text(state.snapshot(wall_clock()).data); });
         auto snapshot = [&](std::string_view last) { return state.snapshot(wall_clock(), last); };
@@ -203,21 +243,22 @@ int main(int argc, char** argv) {
                                            .speed_over_ground_mps = 0.1},
                    at);
     };
-    scripted_boat boat(state, wall_clock() - (empty ? 1s : 90min));
-    for (int step = 0; !empty && boat.time() < wall_clock() - 4s; ++step) {
+    scripted_boat boat(state, wall_clock() - (empty || ocean ? 1s : 90min));
+    if (ocean) cross(state, wall_clock());
+    for (int step = 0; !empty && !ocean && boat.time() < wall_clock() - 4s; ++step) {
         boat.step(4s, step % 400 < 250 ? "xbee" : "gprs", publish);
         if (step % 430 == 300)
             estimate(boat.time() + 2s, 28.1522 + 0.0037 * (step / 430 % 3), -15.4575 + 0.0052 * (step / 430 % 2),
                      480 + 130 * (step / 430 % 3));
     }
-    if (!empty) {
+    if (!empty && !ocean) {
         boat.tell_course(publish);
         for (auto link : {"xbee", "gprs", "iridium"}) tell_feed(link, true, "");
         tell_feed("communication", true, "node-1, backed by node-2", false);
         moor();
     }
 
-    bool silent = empty;
+    bool silent = empty || ocean;
     asio::steady_timer timer(context);
     std::function<void()> tick = [&] {
         timer.expires_after(1s);
@@ -228,8 +269,10 @@ int main(int argc, char** argv) {
                 boat.tell_course(publish);
             }
             publish(state.status(wall_clock()));
-            if (!empty) moor();
-            publish(atirma::sse_event{"", "fleet", fleet()});
+            if (!empty && !ocean) {
+                moor();
+                publish(atirma::sse_event{"", "fleet", fleet()});
+            }
             if (events) events->tick();
             tick();
         });

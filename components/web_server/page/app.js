@@ -3,28 +3,56 @@ import { Store } from './store.js';
 import { BoatMap } from './map.js';
 import { Dial } from './dial.js';
 import { Chart } from './chart.js';
+import { Ask } from './ask.js';
+import { quantities, series } from './quantities.js';
 import { show_fleet, show_links } from './links.js';
+import { t, translate } from './text.js';
 import * as place from './place.js';
 import * as u from './units.js';
 
 const $ = id => document.getElementById(id);
 const set = (id, text) => { const node = $(id); if (node.textContent !== text) node.textContent = text; };
+const calm_ms = 1000; // between two drawings of what comes by itself
 
 const store = new Store();
-const follow = on => { map.follow = on; $('follow').setAttribute('aria-pressed', on); };
-const map = new BoatMap($('map'), () => follow(false));
-const dial = new Dial($('dial'));
-let shown_at = null;          // null: live, else a time of the past
+let shown_at = place.time;    // null: live, else a time of the past
+let hovered_at = null;        // pointed at in a chart
 let lost_since = null;        // this page lost the server
-let drawn_waypoints = '', track_is_drawn = false, draw_is_due = false, last_track_draw = 0, playing = null;
+let drawn_waypoints = '', draw_is_due = false, last_draw = -Infinity, track_is_due = true, playing = null, fitted = place.view ? 'chosen' : 'no';
 
-const pick = time => { stop_playing(); shown_at = time; track_is_drawn = false; draw(); };
-$('speed-chart').dataset.name = 'Speed over ground';
-$('wind-chart').dataset.name = 'True wind speed';
-const charts = [
-  new Chart($('speed-chart'), { column: 'speed_mps', colour: '--speed', on_pick: pick }),
-  new Chart($('wind-chart'), { column: 'wind_speed_mps', direction: 'wind_direction_deg', colour: '--true-wind', on_pick: pick }),
-];
+const follow = on => { map.follow = on; $('follow').setAttribute('aria-pressed', on); };
+const map = new BoatMap($('map'), {
+  view: place.view,
+  on_drag: () => follow(false),
+  on_move: by_user => {
+    ask.hide();
+    if (!by_user || map.follow) return;
+    fitted = 'chosen';
+    place.remember({ map: place.map_text(...map.where()) });
+  },
+  on_point: (what, chosen) => {
+    if (chosen) ask.choose(what, view()); else ask.hover(what, view());
+  },
+  on_coarse: key => { $('coarse').hidden = !key; set('coarse', key ? t(key) : ''); },
+});
+const ask = new Ask($('ask'), store, map, time => pick(time));
+const dial = new Dial($('dial'));
+
+const pick = time => { stop_playing(); show_time(time); };
+function show_time(time) {
+  shown_at = time;
+  track_is_due = true;
+  if (!playing) place.remember({ t: time === null ? null : new Date(time).toISOString().slice(0, 19) + 'Z' });
+  draw(true);
+}
+const on_hover = time => {
+  hovered_at = time;
+  const point = time === null ? null : store.at(time);
+  map.mark(point);
+  draw_charts();
+};
+const charts = ['left', 'right'].map(side => ({ side, select: $(`${side}-quantity`), chart: new Chart($(`${side}-chart`), { on_pick: pick, on_hover }) }));
+for (const { side } of charts) u.allow(side, side === 'left' ? Object.keys(quantities) : ['wind', ...Object.keys(quantities)]);
 
 // What the panel shows: the newest reports, or what the track knows of a moment in the past.
 function view() {
@@ -45,43 +73,50 @@ function view() {
   };
 }
 
-function draw() {
-  if (draw_is_due) return;
+/// What people do shows at once; what comes by itself, once a second.
+function draw(at_once = false) {
+  if (draw_is_due && !at_once) return;
+  const wait = at_once ? 0 : Math.max(0, last_draw + calm_ms - performance.now());
   draw_is_due = true;
-  requestAnimationFrame(() => { draw_is_due = false; render(); });
+  const go = () => requestAnimationFrame(() => { if (draw_is_due) { draw_is_due = false; last_draw = performance.now(); render(); } });
+  if (wait > 0) setTimeout(go, wait); else go();
 }
 
 function render() {
   const s = store.state, v = view(), now = store.now(), stale = store.boat_state() === 'stale';
-  if (store.boat) { set('boat-name', store.boat); document.title = `${store.boat} · live tracking`; }
+  if (store.boat) { set('boat-name', store.boat); document.title = t('title', { boat: store.boat }); }
   for (const node of document.querySelectorAll('[data-unit=speed]')) node.textContent = u.speed_unit();
 
   set('sog', u.speed(v.speed)); set('cog', u.degrees(v.course)); set('heading', u.degrees(v.heading));
   set('heel', u.known(v.heel) ? String(Math.round(Math.abs(v.heel))) : '–');
-  set('heel-side', u.known(v.heel) && Math.abs(v.heel) >= 0.5 ? (v.heel > 0 ? 'starboard' : 'port') : '');
+  set('heel-side', u.known(v.heel) && Math.abs(v.heel) >= 0.5 ? t(v.heel > 0 ? 'starboard' : 'port') : '');
 
   const up = u.known(v.heading) ? v.heading : v.course;
   // Measured from the bow: beside a heading that is newer it says nothing, while the true wind still does.
   const awa = v.wind.measured_at && v.motion_at && Math.abs(v.motion_at - v.wind.measured_at) > 15000 ? null : v.wind.apparent_angle_deg;
   dial.show({ heading: up, apparent_angle: awa, true_direction: v.wind.true_direction_deg });
   set('tws', u.speed(v.wind.true_speed_mps));
-  set('twd', u.known(v.wind.true_direction_deg) ? `from ${u.degrees(v.wind.true_direction_deg)}°` : '–');
+  set('twd', u.known(v.wind.true_direction_deg) ? t('from_degrees', { degrees: u.degrees(v.wind.true_direction_deg) }) : '–');
   set('aws', u.known(awa) ? u.speed(v.wind.apparent_speed_mps) : '–');
-  set('awa', u.known(awa) ? `${Math.abs(Math.round(awa))}° ${awa < 0 ? 'port' : 'starboard'}` : '–');
+  set('awa', u.known(awa) ? t('angle_side', { angle: Math.abs(Math.round(awa)), side: t(awa < 0 ? 'port' : 'starboard') }) : '–');
 
   const next = s.next;
-  set('waypoint-name', next ? `${next.name || `WP${next.index + 1}`} · ${next.index + 1} of ${next.count}` : 'none');
+  set('waypoint-name', next ? t('waypoint_of', { name: next.name || t('waypoint_number', { number: next.index + 1 }), number: next.index + 1, count: next.count }) : t('none'));
   set('next-distance', next ? u.distance(next.distance_m) : '–');
   set('next-bearing', next ? `${u.degrees(next.bearing_deg)}°` : '–');
-  set('next-eta', !next ? '–' : stale ? 'unknown, no data' : next.eta ? `${u.moment(next.eta, now)} · in ${u.duration(Math.max(0, next.eta - now))}`
-    : u.known(next.closing_mps) && next.closing_mps <= 0.05 ? 'not getting nearer' : '–');
+  set('next-eta', !next ? '–' : stale ? t('eta_unknown') : next.eta ? t('eta_moment', { moment: u.moment(next.eta, now), time: u.duration(Math.max(0, next.eta - now)) })
+    : u.known(next.closing_mps) && next.closing_mps <= 0.05 ? t('not_nearer') : '–');
 
-  const trip = s.trip, elapsed = trip ? trip.last_at - trip.started_at : null;
+  const trip = s.trip, pace = store.pace(), fast = pace.factor > 1.5;
   set('covered', trip ? u.distance(trip.distance_m) : '–');
-  set('elapsed', trip ? u.duration(elapsed) : '–');
-  set('average', trip && elapsed > 0 ? `${u.speed(trip.distance_m / elapsed * 1000)} ${u.speed_unit()}` : '–');
+  set('elapsed', trip ? u.duration(trip.last_at - trip.started_at) : '–');
+  set('average', u.known(pace.mean_mps) ? `${u.speed(pace.mean_mps)} ${u.speed_unit()}` : '–');
+  $('fast-clock').hidden = !fast;
+  set('fast-clock', fast ? t('fast_clock', { factor: Math.round(pace.factor) }) : '');
 
-  set('mode', s.mode?.mode || '–');
+  set('mode', u.mode_name(s.mode?.mode));
+  $('head-mode').hidden = !s.mode?.mode;
+  set('head-mode', u.mode_name(s.mode?.mode));
   const power = s.power;
   set('battery', power ? [u.known(power.battery_charge_percent) ? `${Math.round(power.battery_charge_percent)} %` : null,
     u.known(power.battery_voltage_v) ? `${power.battery_voltage_v.toFixed(1)} V` : null,
@@ -90,45 +125,60 @@ function render() {
   if (!$('charge').hidden) $('charge').value = power.battery_charge_percent;
 
   document.body.classList.toggle('past', v.past);
+  if (fitted === 'no' && s.position || fitted === 'once' && store.whole && store.track.length) {
+    map.loosen();
+    map.fit(store.track, s.waypoints, s.position, true);
+    fitted = store.whole && store.track.length ? 'yes' : 'once';
+  } else if (fitted === 'no' && (store.opened || performance.now() > 3000)) map.open_sea();
+  if (fitted !== 'once' && (fitted !== 'no' || store.opened)) map.settle();
   const target = s.waypoints?.points?.[s.waypoints.active];
   map.show_boat({ fix: v.fix, heading: v.heading, course: v.course, speed: v.speed, wind_from: v.wind.true_direction_deg, target, past: v.past, stale: stale && !v.past });
-  const waypoints = JSON.stringify([s.waypoints?.points, s.waypoints?.active]);
+  const waypoints = JSON.stringify([s.waypoints?.points, s.waypoints?.active, u.preferences.lang]);
   if (waypoints !== drawn_waypoints) { drawn_waypoints = waypoints; map.show_waypoints(s.waypoints); }
   if (store.boat_id) map.show_fleet(store.fleet, store.boat_id, now);
-  if (!track_is_drawn && performance.now() - last_track_draw > (playing ? 60 : 400)) draw_track();
-  map.fit(store.track, s.waypoints, true);
+  map.show_tiles(store.tiles);
+  draw_track();
   render_timeline();
-  const window = chart_window();
-  for (const chart of charts) chart.show(store.track, shown_at, window);
+  draw_charts();
+  ask.refresh(v);
   tick();
 }
 
 function draw_track() {
-  track_is_drawn = true;
-  last_track_draw = performance.now();
   const until = shown_at ?? Infinity, end = Math.min(until, store.track.at(-1)?.at ?? 0);
-  const top = map.show_track(store.track, { colour: u.preferences.colour, from: end - u.tail(), until, sources: store.state.sources });
+  const top = map.show_track(store, { colour: u.preferences.colour, from: end - u.tail(), until, force: track_is_due });
+  track_is_due = false;
   set('legend-low', '0');
   set('legend-high', `${u.speed_value(top).toFixed(1)} ${u.speed_unit()}`);
   $('legend').hidden = store.track.length < 2;
 }
 
+function draw_charts() {
+  const window = chart_window();
+  for (const { side, chart, select } of charts) {
+    const name = u.preferences[side];
+    if (select.value !== name) select.value = name;
+    set(`${side}-unit`, quantities[name].unit());
+    chart.show(quantities[name], series(store, name), shown_at, hovered_at, window);
+  }
+}
+
 // The last of the track as long as the tail is, or what lies around a moment before that.
 function chart_window() {
-  const last = store.track.at(-1)?.at ?? 0, tail = u.tail();
-  if (tail === Infinity) return null;
+  const first = store.track[0]?.at ?? 0, last = store.track.at(-1)?.at ?? 0, tail = u.tail();
+  if (tail === Infinity) return last > first ? [first, last] : null;
   const end = shown_at !== null && shown_at < last - tail ? Math.min(last, shown_at + tail / 2) : last;
-  return [Math.max(end - tail, store.track[0]?.at ?? 0), end];
+  return [Math.max(end - tail, first), end];
 }
 
 function render_timeline() {
   const slider = $('slider'), first = store.track[0]?.at, last = store.track.at(-1)?.at;
   slider.disabled = $('play').disabled = !(last > first);
   if (slider.disabled) return;
-  if (shown_at !== null) shown_at = Math.min(Math.max(shown_at, first), last);
+  if (shown_at !== null && store.whole) shown_at = Math.min(Math.max(shown_at, first), last);
   slider.value = shown_at === null ? 1000 : Math.round(1000 * (shown_at - first) / (last - first));
   slider.style.setProperty('--done', `${slider.value / 10}%`);
-  const text = shown_at === null ? `Live` : u.moment(shown_at, store.now());
+  const text = shown_at === null ? t('live') : u.moment(shown_at, store.now());
   slider.setAttribute('aria-valuetext', text);
   set('slider-time', shown_at === null ? u.moment(last, store.now()) : text);
   $('live').setAttribute('aria-pressed', shown_at === null);
@@ -145,41 +195,41 @@ function tick() {
   if (server === 'live') lost_since = null;
   else if (server === 'lost') lost_since ??= store.heard_server_at ?? store.started_at;
 
-  set('age', v.at === null ? '–' : v.past ? u.clock(v.at) : `${u.duration(now - v.at)} ago`);
-  set('h-position', v.past ? 'Position then' : 'Last position');
+  set('age', v.at === null ? '–' : v.past ? u.clock(v.at) : t('ago', { time: u.duration(now - v.at) }));
+  set('h-position', t(v.past ? 'position_then' : 'last_position'));
   const time = $('fix-time');
-  set('fix-time', v.at === null ? 'No position received yet' : v.past ? `${u.day(v.at)}, ${u.zone_name()} · shown from the track` : `at ${u.moment(v.at, now)}`);
+  set('fix-time', v.at === null ? t('no_position') : v.past ? t('from_track', { day: u.day(v.at), zone: u.zone_name() }) : t('at', { moment: u.moment(v.at, now) }));
   if (v.at !== null) time.dateTime = new Date(v.at).toISOString(); else time.removeAttribute('datetime');
   set('coordinates', v.fix ? `${u.latitude(v.fix.latitude_deg)}  ${u.longitude(v.fix.longitude_deg)}` : '');
   $('source').hidden = !v.source;
-  set('source', v.source ? `by ${u.link_name(v.source)}` : '');
+  set('source', v.source ? t('by', { link: u.link_name(v.source) }) : '');
   const rough = v.fix?.circular_error_m;
   $('accuracy').hidden = !(rough > 30);
-  set('accuracy', rough > 30 ? `Rough position: within about ${u.distance(rough)}` : '');
+  set('accuracy', rough > 30 ? t('rough', { distance: u.distance(rough) }) : '');
 
-  // Each group of values says when it is old, on its own.
-  for (const [name, at] of [['motion', v.motion_at], ['wind', v.wind.measured_at]]) {
-    const old = !v.past && u.known(at) && now - at > store.stale_after_ms;
-    set(`${name}-age`, old ? `${u.duration(now - at)} ago` : '');
+  // Each group of values says when it is old, on its own, by the rule of its kind and link.
+  const reports = { motion: ['position', s.navigation], wind: ['wind', s.wind], next: ['position', s.position], boat: ['power', newer(s.power, s.mode)] };
+  for (const [group, [kind, report]] of Object.entries(reports)) {
+    const old = !v.past && store.is_stale(kind, report);
+    document.querySelector(`[data-live=${group}]`).classList.toggle('old', old);
+    if (group === 'motion' || group === 'wind') set(`${group}-age`, old ? t('ago', { time: u.duration(now - report.measured_at) }) : '');
   }
-  // Battery and mode are reported more rarely than positions.
-  for (const [group, at, patience] of [['motion', s.position?.measured_at, 1], ['wind', s.wind?.measured_at, 1], ['next', s.position?.measured_at, 1],
-    ['boat', Math.max(s.power?.measured_at ?? 0, s.mode?.measured_at ?? 0), 5]])
-    document.querySelector(`[data-live=${group}]`).classList.toggle('old', !v.past && at > 0 && now - at > patience * store.stale_after_ms);
 
-  const shore = show_links($('links'), s, now, server === 'lost');
+  const shore = show_links($('links'), store, now, server === 'lost');
   $('shore').hidden = !shore;
   set('shore', shore);
   $('fleet').hidden = store.fleet.length < 2;
   if (store.boat_id) show_fleet($('boats'), store.fleet, store.boat_id, now, server === 'lost');
-  if (place.embed) glance(v, boat, server, now);
+  if (place.embed) glance(v, server, now);
   banner(server, boat, now);
 }
 
+const newer = (one, other) => (one?.measured_at ?? 0) >= (other?.measured_at ?? 0) ? one : other;
+
 // All that a frame on another page says.
-function glance(v, boat, server, now) {
-  set('glance-name', store.boat ?? 'A-Tirma');
-  set('glance-age', server === 'lost' ? 'server lost' : v.at === null ? 'waiting' : `${u.duration(now - v.at)} ago`);
+function glance(v, server, now) {
+  set('glance-name', store.boat ?? '–');
+  set('glance-age', server === 'lost' ? t('server_lost_short') : v.at === null ? t('waiting_short') : t('ago', { time: u.duration(now - v.at) }));
   set('glance-speed', u.known(v.speed) ? `${u.speed(v.speed)} ${u.speed_unit()}` : '–');
   set('glance-wind', u.known(v.wind.true_speed_mps) ? `${u.speed(v.wind.true_speed_mps)} ${u.speed_unit()}` : '–');
 }
@@ -188,25 +238,25 @@ function banner(server, boat, now) {
   const s = store.state, last = s.position?.measured_at;
   const nodes = (s.feeds ?? []).find(f => !f.link && !f.connected);
   const down = nodes ? [] : (s.feeds ?? []).filter(f => !f.connected);
-  const receiver = down.map(f => `The receiver of ${u.link_name(f.source)} is not connected since ${u.moment(f.since, now)}${f.detail ? ` (${f.detail})` : ''}.`).join(' ')
-    || (nodes ? `No connection to the shore station since ${u.moment(nodes.since, now)}.` : '');
-  let pill = 'Live', title = '', text = '', kind = '';
-  if (server === 'connecting') pill = 'Connecting…';
+  const receiver = down.map(f => t('receiver_lost', { link: u.link_name(f.source), moment: u.moment(f.since, now), detail: f.detail ? ` (${f.detail})` : '' })).join(' ')
+    || (nodes ? `${t('shore_lost', { moment: u.moment(nodes.since, now) })}.` : '');
+  let pill = t('live'), title = '', text = '', kind = '';
+  if (server === 'connecting') pill = t('connecting');
   else if (server === 'lost') {
-    pill = 'Server lost';
+    pill = t('server_lost');
     kind = 'server';
-    title = navigator.onLine ? 'This page lost the server' : 'This device is offline';
-    text = `Nothing heard from it since ${u.moment(lost_since, now)}, ${u.duration(now - lost_since)} ago. The boat may be fine; what you see is old. Trying again…`;
+    title = t(navigator.onLine ? 'page_lost_server' : 'device_offline');
+    text = t('server_lost_text', { moment: u.moment(lost_since, now), time: u.duration(now - lost_since) });
   } else if (boat === 'waiting') {
-    pill = 'Waiting for the boat';
+    pill = t('waiting');
     kind = 'boat';
-    title = 'No position yet';
-    text = receiver || 'The server is running and has not heard from the boat so far.';
+    title = t('no_position_title');
+    text = receiver || t('no_position_text');
   } else if (boat === 'stale') {
-    pill = 'No current data';
+    pill = t('no_current_data');
     kind = 'boat';
-    title = 'No current data from the boat';
-    text = `The server has no newer position since ${u.moment(last, now)}, ${u.duration(now - last)} ago. ${receiver || 'It is listening.'}`;
+    title = t('no_current_data_title');
+    text = t('no_current_data_text', { moment: u.moment(last, now), time: u.duration(now - last), reason: receiver || t('listening') });
   }
   set('pill-text', pill);
   const node = $('banner');
@@ -222,56 +272,94 @@ const press = (attribute, value) => {
   for (const button of document.querySelectorAll(`[data-${attribute}]`)) button.setAttribute('aria-pressed', button.dataset[attribute] === value);
 };
 function apply_preferences() {
-  press('units', u.preferences.units);
-  press('zone', u.preferences.zone);
-  press('colour', u.preferences.colour);
-  $('legend').dataset.by = u.preferences.colour;
-  $('tail').value = u.preferences.tail;
-  if (u.preferences.theme === 'auto') delete document.documentElement.dataset.theme;
-  else document.documentElement.dataset.theme = u.preferences.theme;
-  track_is_drawn = false;
-  last_track_draw = 0;
-  draw();
+  const { units, zone, colour, theme, lang, tail, pace } = u.preferences;
+  press('units', units);
+  press('zone', zone);
+  press('colour', colour);
+  $('legend').dataset.by = colour;
+  if (document.documentElement.lang !== lang) speak(lang);
+  $('tail').value = tail;
+  $('pace').value = pace;
+  $('lang').value = lang;
+  if (theme === 'auto') delete document.documentElement.dataset.theme;
+  else document.documentElement.dataset.theme = theme;
+  track_is_due = true;
+  draw(true);
+}
+function speak(lang) {
+  document.documentElement.lang = lang;
+  translate(document);
+  for (const heading of document.querySelectorAll('h2')) heading.dataset.now = t('now_suffix');
+  for (const { side, select } of charts) {
+    select.replaceChildren(...Object.entries(quantities).map(([name, of]) => new Option(of.name(), name)));
+    select.setAttribute('aria-label', t('chart_of', { side: t(side) }));
+  }
+  const frame = new URL(place.boat ? `embed?boat=${encodeURIComponent(place.boat)}` : 'embed', location.href);
+  frame.hash = '';
+  $('embed-code').value = `<iframe src="${frame}" width="480" height="360" title="${t('embed_title')}"></iframe>`;
+  map.rename();
 }
 for (const name of ['units', 'zone', 'colour'])
   for (const button of document.querySelectorAll(`[data-${name}]`))
     button.addEventListener('click', () => { u.remember({ [name]: button.dataset[name] }); apply_preferences(); });
+for (const [name, id] of [['tail', 'tail'], ['pace', 'pace'], ['lang', 'lang'], ['left', 'left-quantity'], ['right', 'right-quantity']])
+  $(id).addEventListener('change', event => { u.remember({ [name]: event.target.value }); apply_preferences(); });
 $('theme').addEventListener('click', () => {
   const dark = u.preferences.theme === 'auto' ? matchMedia('(prefers-color-scheme: dark)').matches : u.preferences.theme === 'dark';
   u.remember({ theme: dark ? 'light' : 'dark' });
   apply_preferences();
 });
-matchMedia('(prefers-color-scheme: dark)').addEventListener('change', draw);
+matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => draw(true));
 $('follow').addEventListener('click', () => {
   follow(!map.follow);
   const p = store.state.position;
   if (map.follow && p) map.centre([p.latitude_deg, p.longitude_deg]);
+  if (map.follow) place.remember({ map: null });
 });
-$('fit').addEventListener('click', () => { follow(false); map.fit(store.track, store.state.waypoints); });
-$('tail').addEventListener('change', () => { u.remember({ tail: $('tail').value }); apply_preferences(); });
+$('fit').addEventListener('click', () => {
+  follow(false);
+  fitted = 'yes';
+  place.remember({ map: null });
+  map.fit(store.track, store.state.waypoints, store.state.position);
+});
+// Everything that makes this view, whatever the reader of the link prefers.
+$('share').addEventListener('click', async () => {
+  const { units, zone, colour, tail, left, right, lang } = u.preferences;
+  place.remember({ map: place.map_text(...map.where()), units, zone, colour, tail, left, right, lang });
+  const whole = new URL(place.address(), location.href).href;
+  history.replaceState(null, '', whole);
+  let copied = true;
+  try { await navigator.clipboard.writeText(whole); } catch { copied = false; } // not over plain http
+  set('shared', t(copied ? 'shared' : 'not_shared'));
+  setTimeout(() => set('shared', ''), 4000);
+});
 $('slider').addEventListener('input', event => {
   const first = store.track[0].at, last = store.track.at(-1).at, part = Number(event.target.value);
   pick(part >= 1000 ? null : first + (last - first) * part / 1000);
 });
 $('live').addEventListener('click', () => pick(null));
 
-// The whole tail passes in half a minute, then it is live again.
+// The whole tail passes in half a minute, or so many times as fast as it was; then it is live again.
 function stop_playing() {
   cancelAnimationFrame(playing);
   playing = null;
   $('play').setAttribute('aria-pressed', false);
 }
 $('play').addEventListener('click', () => {
-  if (playing) return stop_playing();
+  if (playing) { const at = shown_at; stop_playing(); show_time(at); return; }
   const last = store.track.at(-1).at, first = Math.max(store.track[0].at, last - u.tail());
   shown_at ??= first;
-  let before = performance.now();
+  let before = performance.now(), drawn = 0;
   const step = now => {
-    shown_at += (now - before) / 30000 * (last - first);
+    const pace = Number(u.preferences.pace) || (last - first) / 30000;
+    shown_at += (now - before) * pace;
     before = now;
-    track_is_drawn = false;
-    if (shown_at >= last) { shown_at = null; stop_playing(); } else playing = requestAnimationFrame(step);
-    draw();
+    if (shown_at >= last) { stop_playing(); show_time(null); return; }
+    playing = requestAnimationFrame(step);
+    if (now - drawn < 60) return;
+    drawn = now;
+    track_is_due = true;
+    draw(true);
   };
   playing = requestAnimationFrame(step);
   $('play').setAttribute('aria-pressed', true);
@@ -282,13 +370,11 @@ for (const link of document.querySelectorAll('[data-file]')) link.href = place.u
 document.body.classList.toggle('embed', place.embed);
 $('glance').hidden = !place.embed;
 $('glance-name').href = place.boat ? encodeURIComponent(place.boat) : '.';
-const frame = new URL(place.boat ? `embed?boat=${encodeURIComponent(place.boat)}` : 'embed', location.href);
-$('embed-code').value = `<iframe src="${frame}" width="480" height="360" title="Live position of the boat"></iframe>`;
 for (const name of ['online', 'offline']) addEventListener(name, () => tick());
 
-store.addEventListener('change', () => { track_is_drawn = false; draw(); });
-setInterval(() => { store.watch(); tick(); if (!track_is_drawn) draw(); }, 1000);
-document.addEventListener('visibilitychange', () => { if (!document.hidden) { store.watch(); draw(); } });
+store.addEventListener('change', () => draw(last_draw === -Infinity));
+setInterval(() => { store.watch(); if (performance.now() - last_draw > calm_ms) tick(); }, 1000);
+document.addEventListener('visibilitychange', () => { if (!document.hidden) { store.watch(); draw(true); } });
+speak(u.preferences.lang);
 apply_preferences();
-fetch('boats.json').then(answer => answer.json()).then(told => { store.fleet = told.boats; draw(); }).catch(() => { /* the stream tells it again */ });
 store.connect();

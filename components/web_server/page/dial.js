@@ -1,4 +1,5 @@
 // The wind dial: the boat points up, the compass ring turns around it.
+import { t } from './text.js';
 import { known, degrees } from './units.js';
 
 const svg = (name, attributes = {}, ...children) => {
@@ -11,6 +12,7 @@ const polar = (angle, radius) => [Math.sin(angle * Math.PI / 180) * radius, -Mat
 
 export class Dial {
   #ring; #true; #apparent; #no_go; #north; #root;
+  #letters = new Map();
   #turned = new Map(); // the angle each part was turned to, so that it takes the short way
 
   constructor(place) {
@@ -19,10 +21,9 @@ export class Dial {
       const [x1, y1] = polar(a, 92), [x2, y2] = polar(a, a % 30 ? 88 : 84);
       ring.append(svg('line', { x1, y1, x2, y2, class: a % 30 ? 'tick' : 'tick major' }));
     }
-    for (const [a, text] of [[0, 'N'], [45, ''], [90, 'E'], [180, 'S'], [270, 'W']]) {
-      if (!text) continue;
-      const letter = svg('text', { class: text === 'N' ? 'letter north' : 'letter', transform: `rotate(${a}) translate(0 -69)`, 'text-anchor': 'middle', dy: 5 });
-      letter.textContent = text;
+    for (const [a, name] of [[0, 'north'], [90, 'east'], [180, 'south'], [270, 'west']]) {
+      const letter = svg('text', { class: a ? 'letter' : 'letter north', transform: `rotate(${a}) translate(0 -69)`, 'text-anchor': 'middle', dy: 5 });
+      this.#letters.set(name, letter);
       ring.append(letter);
     }
     const [nx, ny] = polar(-42, 92), [px, py] = polar(42, 92);
@@ -36,7 +37,7 @@ export class Dial {
     this.#true = arrow('true', 'T', -105, svg('path', { d: 'M0 -80 L-10 -98 L10 -98 Z' }));
     this.#apparent = arrow('apparent', 'A', -76, svg('path', { d: 'M0 -40 L-8.5 -57 L0 -53 L8.5 -57 Z' }), svg('line', { x1: 0, y1: -54, x2: 0, y2: -70 }));
     this.#ring = ring;
-    this.#root = svg('svg', { viewBox: '-116 -116 232 232', class: 'dial', role: 'img', 'aria-label': 'Wind dial' },
+    this.#root = svg('svg', { viewBox: '-116 -116 232 232', class: 'dial', role: 'img' },
       svg('circle', { r: 92, class: 'face' }), this.#no_go, ring,
       svg('path', { class: 'hull', d: 'M0 -36 C12 -18 14 4 9 32 L-9 32 C-14 4 -12 -18 0 -36Z' }),
       svg('line', { class: 'deck', x1: 0, y1: -24, x2: 0, y2: 28 }),
@@ -62,7 +63,8 @@ export class Dial {
     this.#apparent.classList.toggle('absent', !has_apparent);
     if (has_true) { this.#turn(this.#true, true_direction - up); this.#turn(this.#no_go, true_direction - up); }
     if (has_apparent) this.#turn(this.#apparent, apparent_angle);
-    this.#root.setAttribute('aria-label', `Wind dial. ${has_true ? `True wind from ${degrees(true_direction)} degrees. ` : ''}` +
-      (has_apparent ? `Apparent wind ${Math.abs(Math.round(apparent_angle))} degrees to ${apparent_angle < 0 ? 'port' : 'starboard'}.` : ''));
+    for (const [name, letter] of this.#letters) letter.textContent = t(name);
+    this.#root.setAttribute('aria-label', [t('wind_dial'), has_true ? t('wind_dial_true', { degrees: degrees(true_direction) }) : '',
+      has_apparent ? t('wind_dial_apparent', { degrees: Math.abs(Math.round(apparent_angle)), side: t(apparent_angle < 0 ? 'port' : 'starboard') }) : ''].join(' ').trim());
   }
 }

@@ -1,9 +1,9 @@
 // The links of the boat, each with when it was heard last; and the other boats of this server.
 import { embed } from './place.js';
+import { t } from './text.js';
 import { duration, link_name, moment } from './units.js';
 
 const order = ['xbee', 'gprs', 'iridium'];
-const patience_s = { xbee: 60, gprs: 120, iridium: 3700 }; // silent for longer than that is worth a look
 
 const row = (list, key, make) => {
   let node = list.querySelector(`[data-key="${CSS.escape(key)}"]`);
@@ -13,7 +13,8 @@ const row = (list, key, make) => {
 const put = (node, selector, text) => { const part = node.querySelector(selector); if (part.textContent !== text) part.textContent = text; };
 
 /// What is known of each link: [{source, state: 'good' | 'quiet' | 'off' | 'unknown', age, note}]. `lost`: this page lost the server.
-export function link_states(state, now, lost) {
+export function link_states(store, now, lost) {
+  const { state } = store;
   const feeds = state.feeds ?? [], heard = state.heard ?? {};
   const nodes = feeds.find(f => !f.link);
   const names = [...new Set([...feeds.filter(f => f.link).map(f => f.source), ...Object.keys(heard)])];
@@ -22,18 +23,24 @@ export function link_states(state, now, lost) {
     const feed = feeds.find(f => f.source === source && f.link), at = heard[source];
     const age = at ? now - at : null;
     if (lost) return { source, age, state: 'unknown', note: '' };
-    if (nodes && !nodes.connected) return { source, age, state: 'unknown', note: 'state unknown: no connection to the shore station' };
-    if (feed && !feed.connected) return { source, age, state: 'off', note: `receiver off since ${moment(feed.since, now)}` };
-    if (age === null) return { source, age, state: 'quiet', note: 'not heard so far' };
-    const quiet = age > 1000 * (patience_s[source] ?? 120);
-    return { source, age, state: quiet ? 'quiet' : 'good', note: quiet ? 'silent, its receiver listens' : '' };
+    if (nodes && !nodes.connected) return { source, age, state: 'unknown', note: t('state_unknown_shore') };
+    if (feed && !feed.connected) return { source, age, state: 'off', note: t('receiver_off_since', { moment: moment(feed.since, now) }) };
+    if (age === null) return { source, age, state: 'quiet', note: t('not_heard') };
+    const quiet = age >= store.limits('position', source).stale;
+    return { source, age, state: quiet ? 'quiet' : 'good', note: quiet ? t('silent_listens') : '' };
   });
 }
 
-const words = { good: 'heard', quiet: 'silent', off: 'receiver off', unknown: 'unknown' };
+const words = { good: 'heard', quiet: 'silent', off: 'receiver_off', unknown: 'unknown' }; // keys of the texts
 
-export function show_links(list, state, now, lost) {
-  const all = link_states(state, now, lost);
+/// The nodes' own words are English: those that are known are translated.
+function shore_words(detail) {
+  const [, node, , other] = detail.match(/^(\S+?), (backed by (\S+)|without the other one)$/) ?? [];
+  return !node ? detail : other ? t('shore_backed', { node, other }) : t('shore_alone', { node });
+}
+
+export function show_links(list, store, now, lost) {
+  const all = link_states(store, now, lost);
   for (const link of all) {
     const item = row(list, link.source, () => {
       const made = document.createElement('li');
@@ -42,13 +49,13 @@ export function show_links(list, state, now, lost) {
     });
     item.dataset.state = link.state;
     put(item, 'b', link_name(link.source));
-    put(item, '.age-of', link.age === null ? words[link.state] : `${duration(link.age)} ago`);
+    put(item, '.age-of', link.age === null ? t(words[link.state]) : t('ago', { time: duration(link.age) }));
     put(item, 'small', link.note);
   }
   for (const item of [...list.children]) if (!all.some(link => link.source === item.dataset.key)) item.remove();
-  const nodes = (state.feeds ?? []).find(f => !f.link);
-  if (lost) return 'How they are now is not known: this page lost the server';
-  return nodes ? nodes.connected ? `Shore station: ${nodes.detail}` : `No connection to the shore station since ${moment(nodes.since, now)}` : '';
+  const nodes = (store.state.feeds ?? []).find(f => !f.link);
+  if (lost) return t('links_unknown');
+  return nodes ? nodes.connected ? t('shore', { detail: shore_words(nodes.detail) }) : t('shore_lost', { moment: moment(nodes.since, now) }) : '';
 }
 
 export function show_fleet(list, boats, own, now, lost) {
@@ -61,9 +68,9 @@ export function show_fleet(list, boats, own, now, lost) {
       if (boat.id === own) link.setAttribute('aria-current', 'page');
       return made;
     });
-    const at = boat.position?.measured_at, old = lost || !at || now - at > boat.stale_after_s * 1000;
+    const at = boat.position?.measured_at, old = lost || !at || now - at >= boat.stale_after_s * 1000;
     item.classList.toggle('old', old);
-    put(item, 'b', boat.name);
-    put(item, 'span', at ? `${duration(now - at)} ago` : 'no position yet');
+    put(item, 'b', boat.id === own ? t('shown_boat', { name: boat.name }) : boat.name);
+    put(item, 'span', at ? t('ago', { time: duration(now - at) }) : t('no_position_short'));
   }
 }

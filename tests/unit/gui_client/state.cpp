@@ -153,7 +153,7 @@ TEST_CASE("console: freshness follows the period of the link") {
     CHECK(freshness_of(boat.position, value_kind::position, boat, t0 + 25min) == freshness::fresh);
     configuration slow;
     slow.telemetry_period_s = {60, 0, 0};
-    boat.settings = heard<configuration>{slow, t0, t0, link_id::xbee, 1};
+    boat.rhythm.on_configuration(slow);
     boat.position->link = link_id::xbee;
     CHECK(freshness_of(boat.position, value_kind::position, boat, t0 + 100s) == freshness::fresh);
     CHECK(age_s(t0, t0 + 5s) == 0); // the boat's clock is ahead

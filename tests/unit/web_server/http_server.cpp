@@ -1,4 +1,6 @@
+#include <components/http/gzip.hpp>
 #include <components/web_server/assets.hpp>
+#include <components/web_server/tile_source.hpp>
 #include <components/web_server/web_component.hpp>
 
 #include <ise/core/error.hpp>
@@ -8,6 +10,7 @@
 #include <support/no_descriptors.hpp>
 
 #include <memory>
+#include <string>
 #include <vector>
 
 namespace http_server_test {
@@ -47,7 +50,7 @@ TEST_CASE("the page and Leaflet are served from the binary with their types and 
     CHECK(has(page, "X-Content-Type-Options: nosniff"));
     CHECK(has(page, "<!doctype html>"));
     c.received.clear();
-    c.get("/leaflet.js"); // the same connection goes on
+    c.get("/app.js"); // the same connection goes on
     CHECK(has(c.read_answer(), "Content-Type: text/javascript"));
     CHECK(c.received.size() > 100000);
 }
@@ -55,22 +58,61 @@ TEST_CASE("the page and Leaflet are served from the binary with their types and 
 TEST_CASE("a file that the client has is not sent again, and compressed where the client takes it") {
     site s;
     client c(s.context, s.server.where().port);
-    c.get("/style.css", "Accept-Encoding: br, gzip\r\n");
+    c.get("/app.css", "Accept-Encoding: br, gzip\r\n");
     auto packed = c.read_answer();
     CHECK(has(packed, "Content-Encoding: gzip"));
     CHECK(has(packed, "Vary: Accept-Encoding"));
     auto at = packed.find("ETag: ") + 6;
     auto tag = packed.substr(at, packed.find("\r\n", at) - at);
     c.received.clear();
-    c.get("/style.css", "Accept-Encoding: gzip\r\nIf-None-Match: " + tag + "\r\n");
+    c.get("/app.css", "Accept-Encoding: gzip\r\nIf-None-Match: " + tag + "\r\n");
     auto unchanged = c.read_answer(true);
     CHECK(has(unchanged, "304 Not Modified"));
     CHECK(unchanged.substr(unchanged.find("\r\n\r\n")) == "\r\n\r\n");
     c.received.clear();
-    c.get("/style.css", "Accept-Encoding: gzip;q=0\r\nIf-None-Match: " + tag + "\r\n"); // another representation
+    c.get("/app.css", "Accept-Encoding: gzip;q=0\r\nIf-None-Match: " + tag + "\r\n"); // another representation
     auto plain = c.read_answer();
     CHECK(has(plain, "200 OK"));
     CHECK_FALSE(has(plain, "Content-Encoding"));
+}
+
+TEST_CASE("a handler's answer has a compressed form and a tag, too, and pictures may come from where the page says") {
+    site s;
+    std::string text(5000, 'x');
+    s.server.get("/whole.json", [&](const atirma::http_request&) {
+        atirma::http_response made{text, "application/json"};
+        made.gzip = atirma::gzip(text);
+        made.etag = "\"7\"";
+        return made;
+    });
+    s.server.allow_images("https://tiles.example.org");
+    client c(s.context, s.server.where().port);
+    c.get("/whole.json", "Accept-Encoding: gzip\r\n");
+    auto packed = c.read_answer();
+    CHECK(has(packed, "Content-Encoding: gzip"));
+    CHECK(has(packed, "Vary: Accept-Encoding"));
+    CHECK(has(packed, "Cache-Control: no-cache"));
+    CHECK(has(packed, "ETag: \"7-gz\""));
+    CHECK(has(packed, "img-src 'self' data: https://tiles.example.org;"));
+    CHECK(packed.size() < 1500);
+    c.received.clear();
+    c.get("/whole.json", "Accept-Encoding: gzip\r\nIf-None-Match: \"7-gz\"\r\n");
+    CHECK(has(c.read_answer(true), "304 Not Modified"));
+    c.received.clear();
+    c.get("/whole.json");
+    auto plain = c.read_answer();
+    CHECK_FALSE(has(plain, "Content-Encoding"));
+    CHECK(has(plain, text));
+}
+
+TEST_CASE("the address of map tiles is one that a policy can name") {
+    using atirma::tile_source;
+    CHECK_NOTHROW(atirma::check(tile_source{}));
+    CHECK_NOTHROW(atirma::check({"https://tiles.example.org:8443/{z}/{x}/{y}.png?k=1", "them"}));
+    CHECK(atirma::origin_of("https://tiles.example.org:8443/{z}/{x}/{y}.png") == "https://tiles.example.org:8443");
+    for (auto url : {"ftp://a/{z}/{x}/{y}", "https://a;b/{z}/{x}/{y}", "https://a b/{z}/{x}/{y}", "https://a/{z}/{x}",
+                     "/{z}/{x}/{y}"})
+        CHECK_THROWS_WITH(atirma::check({url, ""}), Catch::Contains("--tiles"));
 }
 
 TEST_CASE("HEAD answers as GET does, without the body") {

@@ -248,13 +248,70 @@ TEST_CASE("a rough fix is in the track, and the current position only where noth
     };
     atirma::track_state state;
     state.apply(fix(0s, 28.0, -15.0), start);
-    CHECK_FALSE(parsed(state.apply(rough(30s), start + 30s))["state"].contains("position"));
+    CHECK_FALSE(parsed(state.apply(rough(29s), start + 29s))["state"].contains("position"));
     CHECK(state.position()->latitude_deg == 28.0);
     CHECK(state.track().size() == 2);
-    CHECK(parsed(state.apply(rough(5min), start + 5min))["state"].contains("position")); // stale_after has passed
+    CHECK(parsed(state.apply(rough(5min), start + 5min))["state"].contains("position")); // the fix is stale
     CHECK(state.position()->circular_error_m == 4000);
     state.apply(fix(6min, 28.01, -15.0), start + 6min);
     CHECK(state.position()->latitude_deg == 28.01);
+}
+
+TEST_CASE(
+    "the whole track is told column by column, in differences, and what is no position has a history of its own") {
+    atirma::track_state state;
+    auto second = fix(4s, 28.00001, -15.0);
+    second.speed_over_ground_mps.reset();
+    state.apply(fix(0s, 28.0, -15.0), start);
+    state.apply(second, start + 4s);
+    state.apply(fix(10min, 28.00003, -15.00002), start + 10min);
+    for (int i = 0; i < 3; ++i) {
+        auto at = start + i * 20s;
+        state.apply(atirma::power_update{{at, at, "xbee", false}, 12.5 + i, {}, 80.0 - i}, at);
+        state.apply(atirma::signal_update{{at, at, "gprs", false}, "xbee", -70.0 - i}, at);
+    }
+    auto told = json::parse(state.track_text());
+    CHECK(told["id"] == state.id());
+    auto& columns = told["columns"];
+    CHECK(columns["at"] == json::parse("[1,[1790000000000,4000,596000]]"));
+    CHECK(columns["latitude_deg"] == json::parse("[1000000,[28000000,10,20]]"));
+    CHECK(columns["longitude_deg"] == json::parse("[1000000,[-15000000,0,-20]]"));
+    CHECK(columns["speed_mps"] == json::parse("[100,[150,null,0]]"));
+    CHECK(columns["heel_deg"] == json::parse("[1,[null,null,null]]"));
+    CHECK(columns["silence_s"] == json::parse("[1,[0,4,592]]"));
+    CHECK(told["histories"]["battery_charge_percent"]["value"] == json::parse("[100,[8000,-100,-100]]"));
+    CHECK(told["histories"]["signal_xbee"]["at"] == json::parse("[1,[1790000000000,20000,20000]]"));
+    // The newest reports come without it, and say where the stream goes on.
+    auto newest = json::parse(state.newest_text(start + 10min, told["id"].get<std::string>(), R"("more":1,)"));
+    CHECK(newest["id"] == told["id"]);
+    CHECK(newest["more"] == 1);
+    CHECK(newest["state"]["position"]["latitude_deg"] == 28.00003);
+    CHECK(newest["state"]["signal"]["xbee"]["rssi_dbm"] == -72);
+    CHECK_FALSE(newest.contains("points"));
+}
+
+TEST_CASE("an outage stays one when the track is thinned, and a late fix ends it") {
+    atirma::track_line line({.max_points = 40});
+    auto put = [&](std::chrono::seconds after) {
+        atirma::track_point point;
+        point.at = start + after;
+        point.latitude_deg = 28 + 1e-5 * static_cast<double>(after.count());
+        line.insert(point);
+    };
+    for (int i = 0; i < 15; ++i) put(i * 10s);
+    for (int i = 0; i < 200; ++i) put(2h + i * 10s);
+    CHECK(line.points().size() <= 40);
+    int outages = 0;
+    for (const auto& point : line.points()) outages += point.silence > 10s;
+    CHECK(outages == 1);
+    atirma::track_line short_line;
+    atirma::track_point point;
+    for (auto after : {0s, 600s, 300s}) {
+        point.at = start + after;
+        short_line.insert(point);
+    }
+    CHECK(short_line.points()[1].silence == 300s);
+    CHECK(short_line.points()[2].silence == 300s);
 }
 
 TEST_CASE("how a link is doing is told once, and when it was heard last with it") {
