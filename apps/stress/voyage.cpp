@@ -234,9 +234,18 @@ void voyage::take_sample(ise::duration when) {
 }
 
 void voyage::sail() {
-    world_.run_for(options_.length - world_.elapsed());
+    auto tell = [&](double part) {
+        if (options_.on_progress) options_.on_progress(part);
+    };
+    while (world_.elapsed() < options_.length) {
+        world_.run_for(std::min<ise::duration>(1min, options_.length - world_.elapsed()));
+        tell(static_cast<double>(world_.elapsed().count()) / static_cast<double>(options_.length.count()));
+    }
     auto ended = world_.elapsed();
-    for (int i = 0; i < 180 && !nothing_owed(); ++i) world_.run_for(10s);
+    for (int i = 0; i < 180 && !nothing_owed(); ++i) {
+        world_.run_for(10s);
+        tell(1);
+    }
     told_.calm = world_.elapsed() - ended;
 }
 
