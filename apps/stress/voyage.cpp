@@ -275,6 +275,7 @@ account voyage::story() {
     if (const auto* sails = at<boat_simulator>("atirma/boat"); sails && sails->boat())
         made.sailed_m = static_cast<double>(sails->boat()->location_now().distance_sailed_m);
     for (std::size_t i = 0; i < operators; ++i) made.consoles.push_back(view_of(told_.people[i].name, *consoles_[i]));
+    made.sessions = book_.sessions();
     made.packets = packets_on(disk(0));
     made.recorded = commands_on(disk(0));
     return made;
