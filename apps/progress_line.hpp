@@ -27,7 +27,8 @@ public:
         auto passed = std::chrono::duration<double>(now - began_).count();
         auto line = fmt::format("{:3.0f} %  {}, {}", part * 100, text, time_text(passed));
         // What was quick at first says little.
-        if (part > 0.01 && part < 1 && passed > 1) line += fmt::format(", about {} left", time_text(passed / part - passed));
+        if (part > 0.01 && part < 1 && passed > 1)
+            line += fmt::format(", about {} left", time_text(passed / part - passed));
         constexpr std::size_t columns = 79;
         fmt::print(stderr, "\r\x1b[K{}", line.substr(0, columns));
         std::fflush(stderr);

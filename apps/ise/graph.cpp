@@ -52,8 +52,11 @@ connection_graph as_answer(const drawn_graph& of, wall_time at) {
     connection_graph made;
     made.asked_at = show_wall(at);
     for (const auto& one : of.components) {
-        graph_component component{one.name.path, one.about ? one.about->state : one.name.state, one.name.host_name,
-                                  one.about.has_value(), {}};
+        graph_component component{one.name.path,
+                                  one.about ? one.about->state : one.name.state,
+                                  one.name.host_name,
+                                  one.about.has_value(),
+                                  {}};
         for (const auto& need : of.missing)
             if (need.component == one.name.path) component.missing.push_back(need.service);
         made.components.push_back(std::move(component));

@@ -23,7 +23,8 @@ bool is_topic(const drawn_graph& in, const std::string& provider, const std::str
 
 std::string rate_of(const drawn_graph& in, const std::string& provider, const std::string& service) {
     auto rate = in.services.find({provider, service});
-    return rate == in.services.end() ? std::string() : fmt::format("{:.{}f}/s", rate->second, rate->second < 100 ? 1 : 0);
+    return rate == in.services.end() ? std::string()
+                                     : fmt::format("{:.{}f}/s", rate->second, rate->second < 100 ? 1 : 0);
 }
 
 style of_component(const surveyed& one) {
@@ -124,8 +125,8 @@ std::string arrows_of(const drawn_graph& in, const connection_line& line, const 
             lines.push_back("(" + line.over + ")");
             auto a = quoted_for_dot(line.a);
             text += fmt::format("  {} -> {} [label={} color=\"{}\"{}];\n", a_provides ? other : a,
-                                a_provides ? a : other, label_of(lines),
-                                colour(topics ? topics_colour : calls_colour), topics ? " arrowhead=empty" : "");
+                                a_provides ? a : other, label_of(lines), colour(topics ? topics_colour : calls_colour),
+                                topics ? " arrowhead=empty" : "");
         }
     if (text.empty())
         text = fmt::format("  {} -> {} [label={} dir=none color=\"{}\"];\n", quoted_for_dot(line.a), other,
@@ -135,8 +136,7 @@ std::string arrows_of(const drawn_graph& in, const connection_line& line, const 
 
 } // namespace
 
-drawn_graph graph_of(const std::vector<surveyed>& before, const std::vector<surveyed>& now,
-                     const std::string& prefix) {
+drawn_graph graph_of(const std::vector<surveyed>& before, const std::vector<surveyed>& now, const std::string& prefix) {
     drawn_graph made;
     auto asked_for = [&](const std::string& path) { return !path.empty() && naming::lies_below(path, prefix); };
     std::set<std::string> shown;
@@ -260,8 +260,8 @@ std::string graph_as_dot(const drawn_graph& of) {
         auto node = quoted_for_dot("missing " + need.service);
         text += fmt::format("  {} [label={} shape=octagon style=dashed color=\"{}\" fontcolor=\"{}\"];\n", node,
                             label_of({need.service, "missing"}), bad_colour, bad_colour);
-        text += fmt::format("  {} -> {} [color=\"{}\" style=dashed];\n", quoted_for_dot(need.component), node,
-                            bad_colour);
+        text +=
+            fmt::format("  {} -> {} [color=\"{}\" style=dashed];\n", quoted_for_dot(need.component), node, bad_colour);
     }
     return text + "}\n";
 }

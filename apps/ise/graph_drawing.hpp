@@ -28,8 +28,8 @@ struct missing_need {
 struct drawn_graph {
     std::vector<surveyed> components;
     std::vector<connection_line> lines;
-    std::vector<std::optional<connection_rate>> rates;               ///< of each line; nothing: not known
-    std::map<std::pair<std::string, std::string>, double> services;  ///< rate by provider and service, of all its users
+    std::vector<std::optional<connection_rate>> rates;              ///< of each line; nothing: not known
+    std::map<std::pair<std::string, std::string>, double> services; ///< rate by provider and service, of all its users
     std::map<std::pair<std::string, std::string>, std::uint8_t> kinds; ///< service_kind by provider and service
     std::vector<missing_need> missing;
 };

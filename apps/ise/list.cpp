@@ -89,8 +89,8 @@ std::string component_table(const std::vector<naming::listed_name>& names, std::
         auto endpoints = reachable_first(one.endpoints);
         if (!endpoints.empty()) longest = std::max(longest, columns(endpoints.front()));
         auto state = one.waits_for.empty() ? one.state : fmt::format("{}, waits for {}", one.state, one.waits_for);
-        rows.add({one.path, state, one.host_name, std::to_string(one.process_id),
-                  std::to_string(one.services_provided), show_duration(one.lease_age), fmt::format("{}", fmt::join(endpoints, " "))});
+        rows.add({one.path, state, one.host_name, std::to_string(one.process_id), std::to_string(one.services_provided),
+                  show_duration(one.lease_age), fmt::format("{}", fmt::join(endpoints, " "))});
     }
     constexpr std::size_t cut_mark = 2; // " …"
     return rows.text(width, {}, {"LEASE AGE", "SERVICES", "PROCESS", "HOST"}, longest + cut_mark);

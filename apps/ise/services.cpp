@@ -81,7 +81,7 @@ table table_of(const std::vector<listed_service>& lines) {
     table rows({"SERVICE", "KIND", "PROVIDED BY", "NEEDED BY"});
     for (const auto& one : lines)
         rows.add({one.name, std::string(one.kind),
-                  one.missing           ? "MISSING"
+                  one.missing             ? "MISSING"
                   : one.providers.empty() ? "nobody"
                                           : fmt::format("{}", fmt::join(one.providers, " ")),
                   fmt::format("{}", fmt::join(one.requirers, " "))});

@@ -9,11 +9,11 @@
 #include <cstdlib>
 #include <cstring>
 #include <cwchar>
-#include <utility>
 #include <langinfo.h>
 #include <poll.h>
 #include <termios.h>
 #include <unistd.h>
+#include <utility>
 
 #define NCURSES_WIDECHAR 1
 #define NCURSES_NOMACROS // erase, move, timeout and others are words of C++ programs

@@ -191,18 +191,24 @@ void top_view::take(std::vector<surveyed> now, wall_time at) {
 
 const std::vector<top_view::column>& top_view::columns_of(table_kind of) const {
     static const std::vector<column> components{
-        {"COMPONENT"},         {"STATE", 8},          {"CALLS/S", 7, 0, true}, {"PKT/S", 7, 0, true},
-        {"IN/S", 7, 4, true},  {"OUT/S", 7, 3, true}, {"RTT", 7, 0, true},     {"RUN", 4, 6, true},
+        {"COMPONENT"},          {"STATE", 8},          {"CALLS/S", 7, 0, true}, {"PKT/S", 7, 0, true},
+        {"IN/S", 7, 4, true},   {"OUT/S", 7, 3, true}, {"RTT", 7, 0, true},     {"RUN", 4, 6, true},
         {"UNSENT", 7, 5, true}, {"LOST", 7, 1, true},  {"PEERS", 5, 7, true},   {"ACTIVITY", spark_columns, 2},
         {"HOST", 14, 8},
     };
     static const std::vector<column> services{
-        {"SERVICE"},           {"COMPONENT"},         {"KIND", 5, 5},          {"RATE/S", 7, 0, true},
-        {"P50", 7, 4, true},   {"P99", 7, 0, true},   {"WAIT99", 7, 6, true},  {"RUN", 4, 3, true},
-        {"QUEUED", 6, 1, true}, {"SUBS", 4, 7, true},  {"LOST", 7, 2, true},
+        {"SERVICE"},          {"COMPONENT"},          {"KIND", 5, 5},      {"RATE/S", 7, 0, true}, {"P50", 7, 4, true},
+        {"P99", 7, 0, true},  {"WAIT99", 7, 6, true}, {"RUN", 4, 3, true}, {"QUEUED", 6, 1, true}, {"SUBS", 4, 7, true},
+        {"LOST", 7, 2, true},
     };
     static const std::vector<column> connections{
-        {"FROM"}, {"TO"}, {"OVER", 6}, {"RTT", 7, 0, true}, {"THERE", 8, 1, true}, {"BACK", 8, 2, true}, {"SERVICES", 28, 3},
+        {"FROM"},
+        {"TO"},
+        {"OVER", 6},
+        {"RTT", 7, 0, true},
+        {"THERE", 8, 1, true},
+        {"BACK", 8, 2, true},
+        {"SERVICES", 28, 3},
     };
     return of == table_kind::components ? components : of == table_kind::services ? services : connections;
 }
@@ -233,7 +239,9 @@ top_view::row top_view::component_row(const activity& of) const {
     else put("-", style::dim, -1);
     if (of.running) put(std::to_string(*of.running), of_rate(double(*of.running)), double(*of.running));
     else put("-", style::dim, -1);
-    if (of.unsent_bytes) put(short_bytes(*of.unsent_bytes), *of.unsent_bytes == 0 ? style::dim : of_bytes(*of.unsent_bytes), double(*of.unsent_bytes));
+    if (of.unsent_bytes)
+        put(short_bytes(*of.unsent_bytes), *of.unsent_bytes == 0 ? style::dim : of_bytes(*of.unsent_bytes),
+            double(*of.unsent_bytes));
     else put("-", style::dim, -1);
     auto lost = of.dropped_too_slow + of.calls_refused.value_or(0);
     auto lost_now = of.dropped_too_slow_now.value_or(0) + of.calls_refused_now.value_or(0);
@@ -545,7 +553,7 @@ styled_page top_view::page(std::size_t width, std::size_t height) {
     height = std::max<std::size_t>(height, 1);
     styled_page made;
     if (help_) {
-        made.push_back(section("Keys and columns of ise top"));
+        made.push_back(fitted(section("Keys and columns of ise top"), width));
         for (const auto& [keys, what] : help_text) {
             styled_line line;
             line.add(padded(keys, 24, false), style::accent);
@@ -590,7 +598,8 @@ styled_page top_view::table_page(std::size_t width, std::size_t height) {
     while (fixed() + names_wanted > width) {
         std::size_t leaves = heads.size();
         for (std::size_t at = 0; at < heads.size(); ++at)
-            if (visible[at] && heads[at].leaves > 0 && (leaves == heads.size() || heads[at].leaves > heads[leaves].leaves))
+            if (visible[at] && heads[at].leaves > 0 &&
+                (leaves == heads.size() || heads[at].leaves > heads[leaves].leaves))
                 leaves = at;
         if (leaves == heads.size()) break;
         visible[leaves] = false;
@@ -649,14 +658,14 @@ styled_page top_view::table_page(std::size_t width, std::size_t height) {
         made.push_back(fitted(std::move(line), width));
     }
     if (rows.empty() && room_ > 0)
-        made.push_back(fitted(
-            plain_line(!filter_.empty() ? fmt::format("no row contains '{}'", filter_)
-                       : shown_ == table_kind::components ? std::string("no components are registered")
-                       : before_.empty()                  ? std::string("measuring…")
-                       : shown_ == table_kind::services   ? std::string("no services are provided")
-                                                          : std::string("no connections"),
-                       style::dim),
-            width));
+        made.push_back(
+            fitted(plain_line(!filter_.empty()                   ? fmt::format("no row contains '{}'", filter_)
+                              : shown_ == table_kind::components ? std::string("no components are registered")
+                              : before_.empty()                  ? std::string("measuring…")
+                              : shown_ == table_kind::services   ? std::string("no services are provided")
+                                                                 : std::string("no connections"),
+                              style::dim),
+                   width));
     made.resize(std::max(made.size(), height - 1));
     made.push_back(keys(width));
     styled_line place;
@@ -667,7 +676,7 @@ styled_page top_view::table_page(std::size_t width, std::size_t height) {
 }
 
 styled_page top_view::details_page(std::size_t width, std::size_t height) {
-    auto all = details();
+    auto all = details(width);
     details_lines_ = all.size();
     styled_page made;
     made.push_back(heading(width));
@@ -678,8 +687,9 @@ styled_page top_view::details_page(std::size_t width, std::size_t height) {
     made.resize(std::max(made.size(), height - 1));
     styled_line place;
     if (all.size() > room_)
-        place.add(fmt::format("lines {}-{} of {}", details_top_ + 1, std::min(all.size(), details_top_ + room_), all.size()),
-                  style::dim);
+        place.add(
+            fmt::format("lines {}-{} of {}", details_top_ + 1, std::min(all.size(), details_top_ + room_), all.size()),
+            style::dim);
     made.push_back(both_ends(keys(width), place, width));
     return made;
 }
@@ -694,7 +704,7 @@ std::string top_view::providers_of(const std::string& service) const {
     return text;
 }
 
-std::vector<styled_line> top_view::details() const {
+std::vector<styled_line> top_view::details(std::size_t width) const {
     std::vector<styled_line> made;
     const auto* of = last_of(*details_of_);
     auto found = std::ranges::find(activities_, *details_of_, &activity::path);
@@ -719,7 +729,8 @@ std::vector<styled_line> top_view::details() const {
     if (!of->name.roles.empty()) {
         styled_line roles;
         roles.add("serves ", style::dim);
-        for (const auto& [role, priority] : of->name.roles) roles.add(printable(fmt::format("{} ({})  ", role, priority)));
+        for (const auto& [role, priority] : of->name.roles)
+            roles.add(printable(fmt::format("{} ({})  ", role, priority)));
         made.push_back(std::move(roles));
     }
     const auto& past = histories_.at(of->name.path);
@@ -731,14 +742,15 @@ std::vector<styled_line> top_view::details() const {
         line.add(sparkline(values, spark), style::accent);
         made.push_back(std::move(line));
     };
-    auto work = past.work.empty() || !std::isfinite(past.work.back()) ? std::string("-") : rate_text(past.work.back()) + "/s";
+    auto work =
+        past.work.empty() || !std::isfinite(past.work.back()) ? std::string("-") : rate_text(past.work.back()) + "/s";
     chart("work", work, past.work, style::plain);
     chart("round trip", found->answered ? show_duration(of->answered_after) : "-", past.answer_s,
           found->answered ? of_duration(of->answered_after) : style::dim);
     made.emplace_back();
     add_troubles(made, *of, *found);
     add_services(made, *of, *found);
-    add_peers(made, *of);
+    add_peers(made, *of, width);
     return made;
 }
 
@@ -792,13 +804,22 @@ void top_view::add_services(std::vector<styled_line>& to, const surveyed& of, co
     to.emplace_back();
 }
 
-void top_view::add_peers(std::vector<styled_line>& to, const surveyed& of) const {
+void top_view::add_peers(std::vector<styled_line>& to, const surveyed& of, std::size_t width) const {
     if (!of.about) return;
-    auto then = std::ranges::find_if(before_, [&](const surveyed& one) {
-        return one.about && one.about->incarnation == of.about->incarnation;
-    });
-    to.push_back(section(fmt::format("{:<32} {:<6} {:>8} {:>9} {:>9} {:>9}", "PEERS", "OVER", "RTT", "IN/S", "OUT/S",
-                                     "UNSENT")));
+    auto then = std::ranges::find_if(
+        before_, [&](const surveyed& one) { return one.about && one.about->incarnation == of.about->incarnation; });
+    std::vector<std::string> names;
+    std::size_t longest = 10;
+    for (const auto& one : of.about->sessions) {
+        auto peer = peer_of(one.peer);
+        names.push_back(printable(peer.path.empty() ? peer.address : peer.path));
+        if (!peer.looks_only()) longest = std::max(longest, columns(names.back()));
+    }
+    constexpr std::size_t figures = 48; // columns
+    longest = std::min(longest, width > figures + 12 ? width - figures : 12);
+    auto shortened = short_names(names, longest);
+    to.push_back(section(padded("PEERS", longest + 2, false) +
+                         fmt::format(" {:<6} {:>8} {:>9} {:>9} {:>9}", "OVER", "RTT", "IN/S", "OUT/S", "UNSENT")));
     std::size_t count = 0;
     for (const auto& one : of.about->sessions) {
         auto peer = peer_of(one.peer);
@@ -822,7 +843,7 @@ void top_view::add_peers(std::vector<styled_line>& to, const surveyed& of) const
             return padded(rate ? short_bytes(static_cast<std::uint64_t>(*rate)) : "-", 9, true);
         };
         styled_line line;
-        line.add(padded("  " + printable(peer.path.empty() ? peer.address : peer.path), 32, false));
+        line.add("  " + padded(shortened[static_cast<std::size_t>(&one - of.about->sessions.data())], longest, false));
         line.add(" " + padded(printable(peer.over()), 6, false));
         line.add(" " + padded(one.round_trip_ns > 0 ? show_duration(duration(one.round_trip_ns)) : "-", 8, true),
                  of_duration(duration(one.round_trip_ns)));
@@ -848,9 +869,9 @@ void top_view::add_troubles(std::vector<styled_line>& to, const surveyed& of, co
                             one.target, show_duration(one.waited), one.cause.empty() ? "" : ": " + one.cause),
                 one.waited >= 3s ? style::bad : style::warning));
         for (const auto& one : of.about->ended_subscriptions)
-            found.push_back(plain_line(
-                fmt::format("  subscription to '{}' of {} ended: {}", one.service, one.provider, one.cause),
-                style::bad));
+            found.push_back(
+                plain_line(fmt::format("  subscription to '{}' of {} ended: {}", one.service, one.provider, one.cause),
+                           style::bad));
         if (meanwhile.dropped_too_slow > 0)
             found.push_back(plain_line(
                 fmt::format("  {} packets not taken by slow subscribers",

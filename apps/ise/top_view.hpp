@@ -50,9 +50,9 @@ private:
     };
     struct column {
         std::string heading;
-        std::size_t width = 0;   ///< 0: names, which share what the others leave
-        std::size_t leaves = 0;  ///< where it is narrow the highest one leaves first; 0: stays
-        bool number = false;     ///< sorted as such, the greatest first, and to the right
+        std::size_t width = 0;  ///< 0: names, which share what the others leave
+        std::size_t leaves = 0; ///< where it is narrow the highest one leaves first; 0: stays
+        bool number = false;    ///< sorted as such, the greatest first, and to the right
     };
     struct table_state {
         std::size_t sort = 0; ///< column
@@ -87,9 +87,9 @@ private:
     styled_line keys(std::size_t width) const;
     styled_page table_page(std::size_t width, std::size_t height);
     styled_page details_page(std::size_t width, std::size_t height);
-    std::vector<styled_line> details() const;
+    std::vector<styled_line> details(std::size_t width) const;
     void add_services(std::vector<styled_line>& to, const surveyed& of, const activity& meanwhile) const;
-    void add_peers(std::vector<styled_line>& to, const surveyed& of) const;
+    void add_peers(std::vector<styled_line>& to, const surveyed& of, std::size_t width) const;
     void add_troubles(std::vector<styled_line>& to, const surveyed& of, const activity& meanwhile) const;
     const surveyed* last_of(const std::string& path) const;
     std::string providers_of(const std::string& service) const;

@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
 #include <csignal>
 #include <stdexcept>
 #include <system_error>
@@ -54,8 +55,7 @@ std::size_t number_in(const std::string& parameters, std::size_t which, std::siz
 
 terminal_program::terminal_program(std::vector<std::string> arguments, std::size_t width, std::size_t height,
                                    start_options options)
-    : width_(width), height_(height), bottom_(height - 1),
-      cells_(height, std::vector<std::string>(width, " ")) {
+    : width_(width), height_(height), bottom_(height - 1), cells_(height, std::vector<std::string>(width, " ")) {
     if (arguments.at(0).find('/') == std::string::npos)
         arguments[0] = std::string(ISE_BINARY_DIR "/bin/") + arguments[0];
     master_ = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
@@ -77,7 +77,8 @@ terminal_program::terminal_program(std::vector<std::string> arguments, std::size
     if (std::ranges::none_of(options.variables, has_kind)) options.variables.emplace_back("TERM", "xterm-256color");
     auto variables = variables_with(options);
     auto argument_list = pointers_to(arguments), variable_list = pointers_to(variables);
-    int problem = ::posix_spawn(&pid_, argument_list[0], &actions, &attributes, argument_list.data(), variable_list.data());
+    int problem =
+        ::posix_spawn(&pid_, argument_list[0], &actions, &attributes, argument_list.data(), variable_list.data());
     ::posix_spawn_file_actions_destroy(&actions);
     ::posix_spawnattr_destroy(&attributes);
     if (problem == 0) return;
@@ -119,8 +120,11 @@ bool terminal_program::pump() {
 }
 
 bool terminal_program::wait_until(const std::function<bool()>& seen) {
-    while (!seen())
-        if (!pump()) return seen();
+    auto until = std::chrono::steady_clock::now() + std::chrono::milliseconds(patience_ms);
+    while (!seen()) {
+        bool goes_on = pump() && std::chrono::steady_clock::now() < until;
+        if (!goes_on) return seen();
+    }
     return true;
 }
 
@@ -285,9 +289,7 @@ void terminal_program::obey(char last, const std::string& parameters) {
                 if (first(0) == 1) erase(row_, 0, column_ + 1);
             }
             break;
-        case 'K':
-            erase(row_, first(0) == 0 ? column_ : 0, first(0) == 1 ? column_ + 1 : width_);
-            break;
+        case 'K': erase(row_, first(0) == 0 ? column_ : 0, first(0) == 1 ? column_ + 1 : width_); break;
         case 'X': erase(row_, column_, column_ + count); break;
         case '@':
             line.insert(line.begin() + static_cast<std::ptrdiff_t>(column_), count, " ");

@@ -18,7 +18,7 @@ public:
     terminal_program(const terminal_program&) = delete;
     terminal_program& operator=(const terminal_program&) = delete;
 
-    /// Reads until `seen` holds; false: the program has ended before, or nothing was drawn for a minute.
+    /// Reads until `seen` holds; false: the program has ended before, or a minute has passed.
     bool wait_until(const std::function<bool()>& seen);
     /// The same until a line of the screen contains `text`.
     bool wait_for(const std::string& text);

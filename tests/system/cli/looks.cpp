@@ -141,9 +141,10 @@ TEST_CASE("graph shows who is connected to whom and over what, and not itself") 
     CHECK_THAT(dot.out, Contains(R"x("sea/console" -> "atirma/boat" [label="position )x") &&
                             Contains(R"x("atirma/boat" -> "missing beeper")x") && Contains("subgraph cluster_0"));
     auto json = in.ise(patiently({"graph", "--json", "sea"}));
-    CHECK_THAT(json.out, Contains(R"("connections":[{"a":"atirma/boat","b":"sea/console",)") &&
-                             Contains(R"("services":[{"service":"position","provider":"atirma/boat","kind":"subscription",)") &&
-                             Contains(R"("missing":["beeper"])"));
+    CHECK_THAT(json.out,
+               Contains(R"("connections":[{"a":"atirma/boat","b":"sea/console",)") &&
+                   Contains(R"("services":[{"service":"position","provider":"atirma/boat","kind":"subscription",)") &&
+                   Contains(R"("missing":["beeper"])"));
     terminal_program drawn({"ise", "--timeout", "120s", "--name-server", in.at.text(), "graph"}, 60, 24);
     CHECK(drawn.wait() == 0);
     CHECK(drawn.wrapped() == 0);
@@ -234,9 +235,10 @@ TEST_CASE("tree, services and types tell what there is") {
     auto services = in.ise(patiently({"services"}));
     CHECK_THAT(services.out, Catch::StartsWith("SERVICE") && Contains("beeper") && Contains("atirma/horn") &&
                                  Contains("helm") && !Contains("ise.describe"));
-    CHECK_THAT(in.ise(patiently({"services", "--json", "atirma/horn"})).out,
-               Catch::StartsWith(
-                   R"([{"name":"beeper","kind":"request-response","providers":["atirma/horn"],"requirers":["atirma/boat","atirma/shore/xbee"],"missing":false}])"));
+    CHECK_THAT(
+        in.ise(patiently({"services", "--json", "atirma/horn"})).out,
+        Catch::StartsWith(
+            R"([{"name":"beeper","kind":"request-response","providers":["atirma/horn"],"requirers":["atirma/boat","atirma/shore/xbee"],"missing":false}])"));
     CHECK_THAT(in.ise(patiently({"types"})).out, Contains("set_mode") && Contains("atirma/boat helm (request)"));
     auto shown = in.ise(patiently({"type", "show", "atirma/boat", "helm"}));
     CHECK(shown.exit_code == 0);

@@ -49,7 +49,7 @@ TEST_CASE("top fills a terminal of 80 by 24, wraps nothing, and follows when it 
     CHECK_THAT(top.lines().at(2), Contains("1-19 of 32"));
     CHECK_THAT(top.lines().at(23), Contains("filter") && Contains("q quit"));
     CHECK_THAT(screen_of(top), !Contains("UNSENT") && Contains("number17"));
-    top.press("\x1b[F"); // End
+    top.press("\x1bOF"); // End
     CHECK(top.wait_for("atirma/shore/xbee"));
     top.resize(140, 40);
     CHECK(top.wait_for("UNSENT"));

@@ -113,11 +113,10 @@ TEST_CASE("every page of top fits on its terminal, of any size, and says so much
 TEST_CASE("names on 80 columns are all different, whatever they have in common") {
     fleet all;
     std::set<std::string> seen;
-    for (int page = 0; page < 3; ++page) {
+    for (int page = 0; page < 4; ++page) {
         auto lines = all.view.page(80, 24);
         for (std::size_t at = 4; at + 1 < lines.size(); ++at)
             if (auto text = lines[at].text(); !text.empty()) seen.insert(text.substr(0, text.find(' ')));
-        all.view.press({kind::page_down, {}});
         all.view.press({kind::page_down, {}});
     }
     CHECK(seen.size() == 40);
@@ -128,7 +127,8 @@ TEST_CASE("names on 80 columns are all different, whatever they have in common")
         CHECK(std::set<std::string>(made.begin(), made.end()).size() == alike.size());
         for (const auto& one : made) CHECK(columns(one) <= width);
     }
-    CHECK(short_names({"atirma/shore/node-1"}, 14) == std::vector<std::string>{"a/s/node-1"});
+    CHECK(short_names({"atirma/shore/node-1"}, 14) == std::vector<std::string>{"a/shore/node-1"});
+    CHECK(short_names({"atirma/shore/node-1"}, 10) == std::vector<std::string>{"a/s/node-1"});
     CHECK(short_names({"atirma/boat"}, 14) == std::vector<std::string>{"atirma/boat"});
     CHECK(short_names({"same", "same"}, 14) == std::vector<std::string>{"same", "same"});
 }
@@ -146,10 +146,10 @@ TEST_CASE("top sorts by any column, and the selection stays with its component")
     CHECK_THAT(first(), Contains("node-0 "));
     all.view.press({kind::right, {}}); // state
     press(all.view, "s");              // calls per second
-    CHECK_THAT(first(), Contains("node-0 ") && Contains(" 40.0 "));
+    CHECK_THAT(first(), Contains("node-0 ") && Contains(" 38.0 "));
     CHECK_THAT(all.view.page(80, 24).at(3).text(), Contains("CALLS/S▼"));
     press(all.view, "r");
-    CHECK_THAT(first(), Contains("node-39 "));
+    CHECK_THAT(first(), Contains("node-38 "));
     auto page = all.view.page(80, 24);
     CHECK(page.at(4).selected);
     all.view.press({kind::end, {}});
