@@ -1,5 +1,6 @@
 # Sourced by scripts that start a system of processes and leave nothing behind: apps/demo and apps/stress/mission/run.
 # The sourcing script sets root, the project's folder, and say, its name in messages.
+source "$root/cmake/progress.sh"
 
 refuse() {
     printf '%s: %s (apps/demo --help shows all options)\n' "$say" "$1" >&2

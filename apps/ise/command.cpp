@@ -58,6 +58,12 @@ task<> run_on(component& self, const parsed_command& what, interrupt& ctrl_c, en
     self.stop();
 }
 
+// A terminal was closed. Under nohup that is nothing.
+bool hangup_ends() {
+    struct sigaction now {};
+    return ::sigaction(SIGHUP, nullptr, &now) == 0 && now.sa_handler != SIG_IGN;
+}
+
 // As ise::run_until_signal, for a command that may care.
 void run_until_interrupted(node& running, interrupt& ctrl_c, asio::io_context& context, asio::signal_set& signals) {
     std::function<void()> listen = [&] {
@@ -136,6 +142,7 @@ exit_code run(const parsed_command& what) {
         // Before anything is printed: whoever reads it may answer with Ctrl-C.
         asio::io_context context(1);
         asio::signal_set signals(context, SIGINT, SIGTERM);
+        if (hangup_ends()) signals.add(SIGHUP);
         running.start(
             path, [&](component& self) { return run_on(self, what, ctrl_c, end); }, mine);
         run_until_interrupted(running, ctrl_c, context, signals);

@@ -28,9 +28,4 @@ struct connection_line {
 /// Who is connected to whom, seen from both ends. Sessions of commands that only look are left out.
 std::vector<connection_line> connections_of(const std::vector<surveyed>& all);
 
-/// Each component with the sessions that it has, for people.
-std::string connections_as_tree(const std::vector<surveyed>& all, const std::vector<connection_line>& lines);
-/// For Graphviz: an arrow goes from who uses a service to who provides it.
-std::string connections_as_dot(const std::vector<surveyed>& all, const std::vector<connection_line>& lines);
-
 } // namespace ise::cli

@@ -73,18 +73,27 @@ std::vector<listed_component> listed_components(const std::vector<naming::listed
     return all;
 }
 
+// What does not work, then the user's components, then ISE's own.
+std::vector<naming::listed_name> for_people(std::vector<naming::listed_name> names) {
+    std::ranges::stable_sort(names, {}, [](const auto& one) {
+        bool waits = !one.waits_for.empty();
+        return one.state != "ready" || waits ? 0 : one.path.starts_with("ise/") ? 2 : 1;
+    });
+    return names;
+}
+
 std::string component_table(const std::vector<naming::listed_name>& names, std::size_t width) {
-    table rows({"PATH", "STATE", "HOST", "PROCESS", "LEASE AGE", "SERVICES", "ENDPOINTS"});
+    table rows({"PATH", "STATE", "HOST", "PROCESS", "SERVICES", "LEASE AGE", "ENDPOINTS"});
     std::size_t longest = 0;
     for (const auto& one : names) {
         auto endpoints = reachable_first(one.endpoints);
         if (!endpoints.empty()) longest = std::max(longest, columns(endpoints.front()));
         auto state = one.waits_for.empty() ? one.state : fmt::format("{}, waits for {}", one.state, one.waits_for);
-        rows.add({one.path, state, one.host_name, std::to_string(one.process_id), show_duration(one.lease_age),
-                  std::to_string(one.services_provided), fmt::format("{}", fmt::join(endpoints, " "))});
+        rows.add({one.path, state, one.host_name, std::to_string(one.process_id), std::to_string(one.services_provided),
+                  show_duration(one.lease_age), fmt::format("{}", fmt::join(endpoints, " "))});
     }
     constexpr std::size_t cut_mark = 2; // " …"
-    return rows.text(width, {}, {"SERVICES", "LEASE AGE", "PROCESS", "HOST"}, longest + cut_mark);
+    return rows.text(width, {}, {"LEASE AGE", "SERVICES", "PROCESS", "HOST"}, longest + cut_mark);
 }
 
 // Who is found under a role is marked: the handles of others may be with another member.
@@ -118,7 +127,7 @@ task<> list(context& in, list_options options) {
         text = json_line(listed_components(names, roles));
     } else {
         served = role_table(roles, options.prefix, in.out.width());
-        if (!names.empty() || served.empty()) text = component_table(names, in.out.width());
+        if (!names.empty() || served.empty()) text = component_table(for_people(names), in.out.width());
         if (!served.empty()) text += (text.empty() ? "" : "\n") + served;
     }
     co_await in.out.write(in.self, std::move(text));

@@ -40,17 +40,6 @@ private:
     const metered_stream& of_;
 };
 
-// Until then; false: the user wants it to end.
-task<bool> wait_till(context& in, time_point at, const window_printer& of) {
-    constexpr duration look_period = std::chrono::milliseconds(50);
-    while (in.self.now() < at) {
-        if (of.quit()) co_return false;
-        auto next = of.has_keys() ? std::min(at, in.self.now() + look_period) : at;
-        co_await in.self.sleep_till(next);
-    }
-    co_return !of.quit();
-}
-
 } // namespace
 
 task<> print_windows(context& in, duration window, std::optional<std::uint64_t> count, window_printer& of) {
@@ -59,8 +48,7 @@ task<> print_windows(context& in, duration window, std::optional<std::uint64_t> 
     for (std::uint64_t windows = 0; !count || windows < *count; ++windows) {
         auto began = at;
         at = std::max(saturating_add(at, window), in.self.now());
-        bool goes_on = co_await wait_till(in, at, of);
-        if (!goes_on) break;
+        co_await in.self.sleep_till(at);
         auto text = co_await of.take(at - began, count && windows + 1 == *count);
         co_await in.out.write(in.self, std::move(text));
         of.check();

@@ -19,9 +19,6 @@ public:
     virtual task<std::string> take(duration length, bool last) = 0;
     /// Called when that was written. Throws problem if there is nothing more to measure.
     virtual void check() const {}
-    /// Whether keys are read meanwhile, and one of them was to end it.
-    virtual bool has_keys() const { return false; }
-    virtual bool quit() const { return false; }
 };
 
 /// The loop of hz, bw, delay and top: waits for the end of each window and prints it, `count` times or until the user

@@ -1,5 +1,6 @@
 // ise services, ise types: the services and packet types of all components.
 #include "json.hpp"
+#include "needs.hpp"
 #include "options.hpp"
 #include "survey.hpp"
 #include "table.hpp"
@@ -10,6 +11,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <map>
 #include <memory>
 
@@ -21,40 +23,30 @@ struct services_options {
     bool all = false; ///< ISE's own too
 };
 
-struct service_line {
+struct listed_service {
     std::string name;
     std::string_view kind;
     std::vector<std::string> providers, requirers;
+    bool missing = false;
 };
 struct type_line {
     std::string name, fingerprint, schema;
     std::vector<std::string> users; ///< "atirma/boat position (published packet)"
 };
 
-// By name and kind: others may use the same word for something else.
-std::vector<service_line> services_of(const std::vector<surveyed>& all, bool own) {
-    std::map<std::pair<std::string, std::uint8_t>, service_line> found;
-    for (const auto& one : all) {
-        if (!one.about) continue;
-        for (const auto& service : one.about->services) {
-            if (!own && is_own_service(service.name)) continue;
-            auto& who = found[{service.name, service.kind}];
-            (service.provided ? who.providers : who.requirers).push_back(one.name.path);
-        }
-    }
-    std::vector<service_line> lines;
-    for (auto& [key, line] : found) {
-        line.name = key.first;
-        line.kind = ise::name_of(key.second == 0 ? service_kind::request_response : service_kind::subscription);
-        lines.push_back(std::move(line));
-    }
+std::vector<listed_service> listed_services(const std::vector<surveyed>& all, bool own, const std::string& prefix) {
+    std::vector<listed_service> lines;
+    for (auto& one : services_of(all, own))
+        if (one.concerns(prefix))
+            lines.push_back({std::move(one.name), ise::name_of(static_cast<service_kind>(one.kind)),
+                             std::move(one.providers), std::move(one.users), one.missing});
     return lines;
 }
 
-std::vector<type_line> types_of(const std::vector<surveyed>& all, bool own) {
+std::vector<type_line> types_of(const std::vector<surveyed>& all, bool own, const std::string& prefix) {
     std::map<std::pair<std::string, std::uint64_t>, type_line> found;
     for (const auto& one : all) {
-        if (!one.about) continue;
+        if (!one.about || !naming::lies_below(one.name.path, prefix)) continue;
         for (const auto& service : one.about->services) {
             if (!own && is_own_service(service.name)) continue;
             auto contract = contract_of(service);
@@ -79,16 +71,19 @@ std::vector<type_line> types_of(const std::vector<surveyed>& all, bool own) {
 }
 
 void tell_silent(const context& in, const std::vector<surveyed>& all, const std::string& prefix) {
-    if (all.empty()) note_nothing(in, prefix);
+    auto asked_for = [&](const surveyed& one) { return naming::lies_below(one.name.path, prefix); };
+    if (std::ranges::none_of(all, asked_for)) note_nothing(in, prefix);
     for (const auto& one : all)
         if (!one.about) note(in.set, fmt::format("{} does not answer: {}", one.name.path, one.trouble));
 }
 
-table table_of(const std::vector<service_line>& lines) {
+table table_of(const std::vector<listed_service>& lines) {
     table rows({"SERVICE", "KIND", "PROVIDED BY", "NEEDED BY"});
     for (const auto& one : lines)
         rows.add({one.name, std::string(one.kind),
-                  one.providers.empty() ? "nobody" : fmt::format("{}", fmt::join(one.providers, " ")),
+                  one.missing             ? "MISSING"
+                  : one.providers.empty() ? "nobody"
+                                          : fmt::format("{}", fmt::join(one.providers, " ")),
                   fmt::format("{}", fmt::join(one.requirers, " "))});
     return rows;
 }
@@ -99,20 +94,20 @@ table table_of(const std::vector<type_line>& lines) {
     return rows;
 }
 
-using show_services = std::string (*)(const std::vector<surveyed>&, bool all, const context&);
+using show_services = std::string (*)(const std::vector<surveyed>&, const services_options&, const context&);
 
 template <auto lines_of>
-std::string show_lines(const std::vector<surveyed>& all, bool own, const context& in) {
-    auto lines = lines_of(all, own);
+std::string show_lines(const std::vector<surveyed>& all, const services_options& options, const context& in) {
+    auto lines = lines_of(all, options.all, options.prefix);
     return in.set.json ? json_line(lines) : table_of(lines).text(in.out.width()) + show_age(in, all);
 }
 
 task<> look_at_all(context& in, services_options options, show_services show) {
     check_prefix(options.prefix);
-    survey_options what;
-    what.prefix = options.prefix;
+    survey_options what; // of everything: others may use what these provide
     auto all = co_await survey(in, what);
-    co_await in.out.write(in.self, show(all, options.all, in));
+    auto text = show(all, options, in);
+    co_await in.out.write(in.self, std::move(text));
     tell_silent(in, all, options.prefix);
 }
 
@@ -126,7 +121,7 @@ void declare_for_all(CLI::App& app, parsed_command& made, show_services show) {
     });
 }
 
-void declare_services(CLI::App& app, parsed_command& made) { declare_for_all(app, made, show_lines<services_of>); }
+void declare_services(CLI::App& app, parsed_command& made) { declare_for_all(app, made, show_lines<listed_services>); }
 
 void declare_types(CLI::App& app, parsed_command& made) { declare_for_all(app, made, show_lines<types_of>); }
 

@@ -3,10 +3,12 @@
 #include "connections.hpp"
 #include "json.hpp"
 #include "metering.hpp"
-#include "screen.hpp"
+#include "styled.hpp"
 #include "survey.hpp"
 #include "table.hpp"
+#include "terminal.hpp"
 #include "text.hpp"
+#include "top_live.hpp"
 
 #include <fmt/format.h>
 
@@ -147,27 +149,6 @@ top_table top_of(std::vector<activity> all, const std::vector<connection_line>& 
     return made;
 }
 
-std::size_t lines_of(std::string_view text) { return static_cast<std::size_t>(std::ranges::count(text, '\n')); }
-
-// All components, and of services and connections as many as there is room for in `height` lines; 0: any number.
-std::string as_page(const std::vector<activity>& seen, const std::vector<connection_line>& lines,
-                    const std::string& ending, std::size_t width, std::size_t height) {
-    auto components = activity_table(seen, width);
-    std::string below;
-    for (auto most = max_rows; most > 0; --most) {
-        below = services_table(seen, width, most) + connections_table(lines, width, most);
-        if (height == 0 || lines_of(components) + lines_of(below) + lines_of(ending) < height)
-            return components + below + ending;
-    }
-    // The last line stays free: an end of line there would scroll.
-    auto room = height > lines_of(ending) + 2 ? height - lines_of(ending) - 2 : 0;
-    if (lines_of(components) <= room + 1) return components + ending;
-    std::size_t end = 0;
-    for (std::size_t shown = 0; shown < room; ++shown) end = components.find('\n', end) + 1;
-    return fmt::format("{}{} more components: a taller terminal, or `ise top PREFIX`, shows them\n{}",
-                       components.substr(0, end), lines_of(components) - room, ending);
-}
-
 class activity_pages final : public window_printer {
 public:
     activity_pages(context& in, survey_options what, std::vector<surveyed> first)
@@ -181,26 +162,35 @@ public:
         auto age = show_age(in_, now);
         before_ = std::move(now);
         if (in_.set.json) co_return json_line(top_of(std::move(seen), lines, in_.self.wall()));
-        auto ending = on_.live() ? "TOO SLOW: packets that slow subscribers did not take, ever and now; q ends\n"
-                      : last     ? ""
-                                 : "\n";
         auto width = in_.out.width();
-        co_return on_.page(as_page(seen, lines, age + ending, width, on_.height()), width);
+        co_return activity_table(seen, width) + services_table(seen, width, max_rows) +
+            connections_table(lines, width, max_rows) + age + (last ? "" : "\n");
     }
-    bool has_keys() const override { return on_.live(); }
-    bool quit() const override { return on_.quit(); }
 
 private:
     context& in_;
     survey_options what_;
     std::vector<surveyed> before_;
-    screen on_;
 };
+
+// Nothing: tables are to be printed.
+std::unique_ptr<terminal> terminal_for(context& in, const top_options& options) {
+    // Lines of the log would be written over the page.
+    if (options.count || in.set.json || in.set.verbose || !terminal::available()) return nullptr;
+    std::string why;
+    auto taken = terminal::open(has_colours(in.self.env()), why);
+    if (!taken) note(in.set, why);
+    return taken;
+}
 
 task<> top(context& in, top_options options) {
     survey_options what;
     what.prefix = options.prefix;
     auto first = co_await survey(in, what);
+    if (auto on = terminal_for(in, options)) {
+        auto showing = top_live(in, std::move(what), options.every, std::move(first), std::move(on));
+        co_return co_await std::move(showing);
+    }
     activity_pages pages(in, std::move(what), std::move(first));
     co_await print_windows(in, options.every, options.count, pages);
 }
@@ -208,9 +198,9 @@ task<> top(context& in, top_options options) {
 void declare_top(CLI::App& app, parsed_command& made) {
     auto given = std::make_shared<top_options>();
     add_prefix(app, given->prefix);
-    add_time(app, "--every", given->every, "time between two tables (default: 1s)");
-    auto* once = app.add_flag("--once", given->once, "one table, after that time");
-    add_count(app, given->count, "end after N tables")->excludes(once);
+    add_time(app, "--every", given->every, "time between two looks (default: 1s)");
+    auto* once = app.add_flag("--once", given->once, "one set of tables, after that time");
+    add_count(app, given->count, "print tables N times")->excludes(once);
     app.callback([&made, given] {
         check_prefix(given->prefix);
         if (given->once) given->count = 1;
@@ -222,7 +212,7 @@ void declare_top(CLI::App& app, parsed_command& made) {
 
 } // namespace
 
-extern const command top_command{"top", measure_group, "shows the activity of every component; q or Ctrl-C ends",
+extern const command top_command{"top", measure_group, "shows the activity of every component; ? for help, q ends",
                                  "  ise top\n  ise top atirma --once\n", declare_top};
 
 } // namespace ise::cli

@@ -53,6 +53,7 @@ struct account {
     double xbee_range_m = 0; ///< from the short-range node; beyond, nothing is heard; 0: no such limit
     ise::wall_time began{};
     std::vector<episode> episodes;
+    std::vector<ledger::iridium_session> sessions;
     std::vector<sample> samples;
     std::array<operator_record, operators> people;
     std::vector<console_view> consoles;

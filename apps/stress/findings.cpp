@@ -26,6 +26,17 @@ std::string cause_of(const std::vector<episode>& all, std::optional<link_id> lin
     return text;
 }
 
+// Where no fault explains a silence of Iridium: what the boat's modem said of its sessions meanwhile.
+std::string cause_by_sessions(const account& of, ise::duration from, ise::duration until) {
+    std::size_t failed = 0, arrived = 0;
+    for (const auto& one : of.sessions)
+        if (one.from <= until && one.until >= from) ++(one.arrived ? arrived : failed);
+    if (failed > 0) return fmt::format("{} session{} broke off", failed, failed == 1 ? "" : "s");
+    // The session that brought the last packet before is not among them.
+    if (arrived > 1) return "its packets were still on the way to the shore";
+    return "the boat began no session";
+}
+
 } // namespace
 
 std::map<std::string, std::uint64_t> findings::causes_of(const account& of, const std::vector<ledger::entry>& lost,
@@ -35,6 +46,11 @@ std::map<std::string, std::uint64_t> findings::causes_of(const account& of, cons
         if (one.link != link) continue;
         auto cause = cause_of(of.episodes, link, one.sent, one.sent);
         if (cause.empty() && one.sent >= of.plan.length - silence_of(link, of.plan)) cause = "sent at the end";
+        auto broke_off = [&](const ledger::iridium_session& session) {
+            return !session.arrived && session.until >= one.sent;
+        };
+        if (cause.empty() && link == link_id::iridium && !one.heard() && std::ranges::any_of(of.sessions, broke_off))
+            cause = "its session broke off";
         if (cause.empty())
             cause = one.heard() ? "lost on shore, cause unknown" : "never received on shore, cause unknown";
         ++made[cause];
@@ -72,7 +88,10 @@ findings::findings(const account& of) {
         auto since = times.empty() ? ise::duration(0) : times.front();
         auto look = [&](ise::duration at) {
             if (at - last <= silence) return;
-            gaps[i].push_back({last, at, cause_of(of.episodes, link, last, at)});
+            auto cause = cause_of(of.episodes, link, last, at);
+            if (cause.empty() && link == link_id::iridium) cause = cause_by_sessions(of, last, at);
+            if (cause.empty() && times.empty()) cause = "nothing ever came over it";
+            gaps[i].push_back({last, at, std::move(cause)});
             if (last > since) heard[i].push_back({since, last});
             since = at;
         };

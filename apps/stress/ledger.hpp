@@ -38,6 +38,14 @@ public:
     void arrived(packet_key which, ise::duration at);   ///< over XBee
     void receipted(packet_key which, ise::duration at); ///< over XBee
 
+    /// One session with Iridium's gateway, as the boat's modem reported it.
+    struct iridium_session {
+        ise::duration from{}, until{};
+        bool arrived = false; ///< else it broke off, or no satellite was found
+    };
+    void session(iridium_session of) { sessions_.push_back(of); }
+    const std::vector<iridium_session>& sessions() const noexcept { return sessions_; }
+
     /// One subscriber of the role, who is judged also if nothing was ever shown to him.
     void expect(const std::string& who) { subscribers_[who]; }
     /// Call it for every packet that a subscriber is shown.
@@ -79,6 +87,7 @@ private:
         std::uint64_t twice = 0;
     };
     std::map<std::string, subscriber> subscribers_;
+    std::vector<iridium_session> sessions_;
 };
 
 } // namespace atirma::stress

@@ -3,6 +3,7 @@
 #include "report.hpp"
 #include "voyage.hpp"
 
+#include <apps/progress_line.hpp>
 #include <apps/wrapped_help.hpp>
 #include <components/gui_client/console_state.hpp>
 
@@ -137,9 +138,19 @@ int main(int argc, char** argv) {
         options.on_sample = [&](const stress::sample& when, std::size_t tracks) {
             machine.take(when, tracks, processor_s() - began_s);
         };
-        stress::voyage sea(std::move(options));
+        progress_line progress;
+        options.on_progress = [&](double part) {
+            progress.show(part, part < 1 ? fmt::format("seed {} at sea: {} of {}", seed,
+                                                       stress::length_text(std::chrono::duration_cast<ise::duration>(
+                                                           options.length * part)),
+                                                       stress::length_text(options.length))
+                                         : std::string("waiting for what was owed at the end"));
+        };
+        auto sailing = options;
+        stress::voyage sea(std::move(sailing));
         sea.sail();
         const double sailing_s = processor_s() - began_s;
+        progress.show(1, "judging, and writing the report");
         auto proof = sea.judge();
         const auto told = sea.story();
         stress::findings found(told);
@@ -149,6 +160,7 @@ int main(int argc, char** argv) {
         stress::write_file(folder / "events.log", sea.log());
         stress::write_file(folder / "machine.md", machine.text(sailing_s));
         bool good = stress::holds(told, proof);
+        progress.clear();
         fmt::print("{}: {} ({:.1f} s of processor time); {}\n", stress::length_text(told.plan.length),
                    good ? "the proof holds" : "THE PROOF DOES NOT HOLD", processor_s() - began_s,
                    (folder / "report.md").string());

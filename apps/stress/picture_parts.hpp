@@ -28,8 +28,9 @@ struct style {
     const char* colour;
     const char* name;
 };
+/// The links as the page has them (--l0 to --l2 of components/web_server/page/style.css).
 inline constexpr std::array<style, shades> styles{
-    {{"#0f8a4b", "XBee"}, {"#1f62c4", "GPRS"}, {"#c9342d", "Iridium"}, {"#8fb2e8", "GPRS, told afterwards"}}};
+    {{"#0b6fb8", "XBee"}, {"#137a4a", "GPRS"}, {"#8a3ea8", "Iridium"}, {"#8cc4a6", "GPRS, told afterwards"}}};
 
 /// Text as it may stand in the picture.
 inline std::string xml(std::string_view text) {

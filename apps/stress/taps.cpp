@@ -158,6 +158,7 @@ private:
     void command(const std::string& line) {
         constexpr std::string_view write = "AT+SBDWB=";
         if (line == "AT+SBDD0" || line == "AT+SBDD2") held_.clear();
+        if (line.find("AT+SBDIX") != std::string::npos) began_ = time_();
         auto at = line.find(write);
         if (at == std::string::npos) return;
         std::size_t size = 0;
@@ -183,7 +184,9 @@ private:
         auto at = line.find("+SBDIX:");
         if (at == std::string::npos) return;
         auto told = iridium::parse_sbdix(std::string_view(line).substr(at));
-        if (!told || !told->mo_arrived()) return;
+        if (!told) return;
+        into_.session({began_, time_(), told->mo_arrived()});
+        if (!told->mo_arrived()) return;
         for (auto which : held_) into_.acknowledged(link_id::iridium, which, time_());
     }
 
@@ -193,6 +196,7 @@ private:
     ise::bytes data_;
     std::size_t binary_left_ = 0, asked_for_ = 0;
     std::vector<packet_key> held_; // in the modem's buffer
+    ise::duration began_{};        // the last session
 };
 
 } // namespace

@@ -234,9 +234,18 @@ void voyage::take_sample(ise::duration when) {
 }
 
 void voyage::sail() {
-    world_.run_for(options_.length - world_.elapsed());
+    auto tell = [&](double part) {
+        if (options_.on_progress) options_.on_progress(part);
+    };
+    while (world_.elapsed() < options_.length) {
+        world_.run_for(std::min<ise::duration>(1min, options_.length - world_.elapsed()));
+        tell(static_cast<double>(world_.elapsed().count()) / static_cast<double>(options_.length.count()));
+    }
     auto ended = world_.elapsed();
-    for (int i = 0; i < 180 && !nothing_owed(); ++i) world_.run_for(10s);
+    for (int i = 0; i < 180 && !nothing_owed(); ++i) {
+        world_.run_for(10s);
+        tell(1);
+    }
     told_.calm = world_.elapsed() - ended;
 }
 
@@ -266,6 +275,7 @@ account voyage::story() {
     if (const auto* sails = at<boat_simulator>("atirma/boat"); sails && sails->boat())
         made.sailed_m = static_cast<double>(sails->boat()->location_now().distance_sailed_m);
     for (std::size_t i = 0; i < operators; ++i) made.consoles.push_back(view_of(told_.people[i].name, *consoles_[i]));
+    made.sessions = book_.sessions();
     made.packets = packets_on(disk(0));
     made.recorded = commands_on(disk(0));
     return made;

@@ -30,6 +30,8 @@ struct voyage_options {
     /// Called with each sample, for what only this machine can measure; `tracks`: bytes that the
     /// consoles' tracks take.
     std::function<void(const sample& taken, std::size_t tracks)> on_sample;
+    /// Called after each virtual minute, and while everybody waits for what was owed at the end; 0 to 1.
+    std::function<void(double part)> on_progress;
 };
 
 /// The whole deployment of A-Tirma on the virtual clock, its troubles by the plan, and everything that the report

@@ -1,5 +1,7 @@
 #include "pool.hpp"
 
+#include <apps/progress_line.hpp>
+
 #include <fmt/format.h>
 
 #include <sys/mman.h>
@@ -138,6 +140,7 @@ bool play_all(const pool_options& options) {
         workers[at].process = process;
         workers[at].heard = clock::now();
     };
+    progress_line progress;
     std::map<std::string, std::uint64_t> tallies;
     std::thread reader([&] { read_tallies(tallies_pipe[0], tallies); });
     for (std::size_t at = 0; at < jobs; ++at) start(at);
@@ -169,8 +172,16 @@ bool play_all(const pool_options& options) {
                 one.heard = clock::now();
             }
         }
+        auto played = all->passed + all->failed;
+        auto part = static_cast<double>(played) / static_cast<double>(options.seeds);
+        if (options.seconds > 0)
+            part = std::max(part, std::chrono::duration<double>(clock::now() - began).count() / options.seconds);
+        if (options.seeds > 1)
+            progress.show(part, fmt::format("{} of {} seeds{}", played, options.seeds,
+                                            all->failed > 0 ? fmt::format(", {} FAILED", all->failed.load()) : ""));
         std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
+    progress.clear();
     ::close(tallies_pipe[1]);
     reader.join();
 

@@ -52,6 +52,21 @@ int input_file(const std::string& text) {
 
 } // namespace
 
+std::vector<std::string> variables_with(const start_options& options) {
+    auto given = options.variables;
+    given.emplace_back("XDG_STATE_HOME",
+                       ISE_BINARY_DIR "/tests/state"); // nothing is left in the home of whoever runs the tests
+    std::vector<std::string> variables;
+    for (const auto& [name, value] : given) variables.push_back(name + "=" + value);
+    for (char** one = environ; *one; ++one) {
+        std::string_view text = *one;
+        bool replaced = false;
+        for (const auto& [name, value] : given) replaced = replaced || text.starts_with(name + "=");
+        if (!replaced) variables.emplace_back(text);
+    }
+    return variables;
+}
+
 program::program(std::vector<std::string> arguments, start_options options) {
     if (arguments.at(0).find('/') == std::string::npos)
         arguments[0] = std::string(ISE_BINARY_DIR "/bin/") + arguments[0];
@@ -69,17 +84,7 @@ program::program(std::vector<std::string> arguments, start_options options) {
     }
     ::posix_spawn_file_actions_adddup2(&actions, err.write, STDERR_FILENO);
 
-    auto given = options.variables;
-    given.emplace_back("XDG_STATE_HOME",
-                       ISE_BINARY_DIR "/tests/state"); // nothing is left in the home of whoever runs the tests
-    std::vector<std::string> variables;
-    for (const auto& [name, value] : given) variables.push_back(name + "=" + value);
-    for (char** one = environ; *one; ++one) {
-        std::string_view text = *one;
-        bool replaced = false;
-        for (const auto& [name, value] : given) replaced = replaced || text.starts_with(name + "=");
-        if (!replaced) variables.emplace_back(text);
-    }
+    auto variables = variables_with(options);
     std::vector<char*> argument_list, variable_list;
     for (auto& one : arguments) argument_list.push_back(one.data());
     for (auto& one : variables) variable_list.push_back(one.data());

@@ -23,6 +23,9 @@ struct start_options {
     start_options() = default;
 };
 
+/// NAME=VALUE of this process and of `options`, for one that is started.
+std::vector<std::string> variables_with(const start_options& options);
+
 /// A child process with its three streams on pipes. Destroying it ends it.
 class program {
 public:

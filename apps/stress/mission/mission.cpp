@@ -172,6 +172,7 @@ account mission::story() {
     auto made = told_;
     for (std::size_t i = 0; i < operators; ++i) made.consoles.push_back(view_of(told_.people[i].name, *consoles_[i]));
     auto disk = database::open_to_read(options_.stores.at(0));
+    made.sessions = book_.sessions();
     made.packets = packets_on(disk.value());
     made.recorded = commands_on(disk.value());
     std::erase_if(made.packets, [&](const auto& one) { return !judged_.contains(key_of(one.boot, one.sequence)); });

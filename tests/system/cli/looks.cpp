@@ -2,10 +2,10 @@
 #include "port.hpp"
 
 #include <support/catch.hpp>
+#include <support/terminal_program.hpp>
 
 #include <atomic>
 #include <csignal>
-#include <sstream>
 #include <test_folders.hpp>
 #include <thread>
 
@@ -13,6 +13,7 @@ using Catch::Contains;
 using cli_test::port;
 using ise_test::run_program;
 using ise_test::start_options;
+using ise_test::terminal_program;
 
 namespace {
 
@@ -131,16 +132,23 @@ TEST_CASE("graph shows who is connected to whom and over what, and not itself") 
     start(in, "sea/console", watch_boat);
     auto text = in.ise(patiently({"graph"}));
     CHECK(text.exit_code == 0);
-    CHECK_THAT(text.out, Contains("sea/console  ready") && Contains("├─ atirma/boat  inproc  uses position  (") &&
-                             Contains("sea/console  inproc  gives position  ("));
-    CHECK_THAT(text.out, !Contains("ise/cli") && Contains("as of "));
+    CHECK_THAT(text.out, Contains("  sea/console  ready\n  └─ atirma/boat  inproc") &&
+                             Contains("uses  position  topic  ") && Contains("gives position  topic  ") &&
+                             Contains("needs beeper: missing, no component provides it"));
+    CHECK_THAT(text.out, !Contains("ise/cli") && Contains("as of ") && !Contains("\x1b"));
     auto dot = in.ise(patiently({"graph", "--dot"}));
     CHECK(dot.out.starts_with("digraph ise {"));
-    CHECK_THAT(dot.out, Contains(R"x("sea/console" -> "atirma/boat" [label="position (inproc)"];)x"));
+    CHECK_THAT(dot.out, Contains(R"x("sea/console" -> "atirma/boat" [label="position )x") &&
+                            Contains(R"x("atirma/boat" -> "missing beeper")x") && Contains("subgraph cluster_0"));
     auto json = in.ise(patiently({"graph", "--json", "sea"}));
-    CHECK_THAT(json.out, Contains(R"("connections":[{"a":"atirma/boat","b":"sea/console",)"));
-    CHECK_THAT(in.ise(patiently({"graph", "--json"})).out,
-               Contains(R"("services":[{"service":"position","provider":"atirma/boat"}])"));
+    CHECK_THAT(json.out,
+               Contains(R"("connections":[{"a":"atirma/boat","b":"sea/console",)") &&
+                   Contains(R"("services":[{"service":"position","provider":"atirma/boat","kind":"subscription",)") &&
+                   Contains(R"("missing":["beeper"])"));
+    terminal_program drawn({"ise", "--timeout", "120s", "--name-server", in.at.text(), "graph"}, 60, 24);
+    CHECK(drawn.wait() == 0);
+    CHECK(drawn.wrapped() == 0);
+    CHECK_THAT(drawn.raw(), Contains("\x1b[32mready"));
 }
 
 TEST_CASE("top shows rates between two looks") {
@@ -159,50 +167,14 @@ TEST_CASE("top shows rates between two looks") {
         top.signal(SIGINT);
         CHECK(top.wait().exit_code == 0);
     }
-    SECTION("on a terminal it takes the alternate screen, and q ends it") {
-        start_options keys;
-        keys.input = "q";
-        auto line = ISE_BINARY_DIR "/bin/ise --timeout 120s --name-server " + in.at.text() + " top --every 50ms";
-        auto shown = run_program({"/usr/bin/script", "-qec", line, "/dev/null"}, keys);
-        CHECK(shown.exit_code == 0);
-        CHECK_THAT(shown.out, Contains("\x1b[?1049h") && Contains("\x1b[?1049l"));
-    }
 }
 
-TEST_CASE("top and list fit on a terminal of 80 columns and 24 lines, however much there is") {
+TEST_CASE("list fits on a terminal of 80 columns, with a name, a state and an endpoint on every line") {
     port in;
-    start(in, "sea/console", watch_boat);
-    for (int number = 0; number < 30; ++number)
-        in.boats->start("atirma/a/component/of/many/number" + std::to_string(number),
-                        [](ise::component& self) -> ise::task<> { co_await self.sleep(1h); });
-    auto shown = [&](const std::string& command) {
-        auto line = "stty cols 80 rows 24; " ISE_BINARY_DIR "/bin/ise --timeout 120s --name-server " + in.at.text() +
-                    " " + command;
-        auto ran = run_program({"/usr/bin/script", "-qec", line, "/dev/null"});
-        CHECK(ran.exit_code == 0);
-        std::vector<std::string> lines;
-        std::istringstream text(ran.out.substr(0, ran.out.find("\x1b[J")));
-        for (std::string one; std::getline(text, one);) {
-            if (one.ends_with('\r')) one.pop_back();
-            if (auto escape = one.rfind("\x1b[H"); escape != one.npos) one.erase(0, escape + 3);
-            if (auto escape = one.find("\x1b[K"); escape != one.npos) one.erase(escape);
-            INFO(one);
-            CHECK(std::ranges::count_if(
-                      one, [](char byte) { return (static_cast<unsigned char>(byte) & 0xC0) != 0x80; }) <= 80);
-            lines.push_back(one);
-        }
-        return lines;
-    };
-    auto many = shown("top --every 20ms -n 1");
-    CHECK(many.size() == 23);
-    CHECK_THAT(many.front(), Catch::StartsWith("STATE") && Contains("PATH"));
-    CHECK_THAT(many.at(20), Contains(" more components"));
-    CHECK_THAT(many.at(22), Contains("q ends"));
-    auto few = shown("top --every 20ms -n 1 sea");
-    CHECK(few.size() <= 23);
-    CHECK_THAT(few.at(1), Contains("sea/console"));
-    CHECK_THAT(few.back(), Contains("q ends"));
-    for (const auto& line : shown("list atirma/boat"))
+    terminal_program list({"ise", "--timeout", "120s", "--name-server", in.at.text(), "list", "atirma/boat"}, 80, 24);
+    CHECK(list.wait() == 0);
+    CHECK(list.wrapped() == 0);
+    for (const auto& line : list.lines())
         CHECK_THAT(line,
                    Contains("tcp://127.0.0.1:") || Contains("ENDPOINTS") || Contains("TAKEN") || Catch::Equals(""));
 }
@@ -263,9 +235,10 @@ TEST_CASE("tree, services and types tell what there is") {
     auto services = in.ise(patiently({"services"}));
     CHECK_THAT(services.out, Catch::StartsWith("SERVICE") && Contains("beeper") && Contains("atirma/horn") &&
                                  Contains("helm") && !Contains("ise.describe"));
-    CHECK_THAT(in.ise(patiently({"services", "--json", "atirma/horn"})).out,
-               Catch::StartsWith(
-                   R"([{"name":"beeper","kind":"request-response","providers":["atirma/horn"],"requirers":[]}])"));
+    CHECK_THAT(
+        in.ise(patiently({"services", "--json", "atirma/horn"})).out,
+        Catch::StartsWith(
+            R"([{"name":"beeper","kind":"request-response","providers":["atirma/horn"],"requirers":["atirma/boat","atirma/shore/xbee"],"missing":false}])"));
     CHECK_THAT(in.ise(patiently({"types"})).out, Contains("set_mode") && Contains("atirma/boat helm (request)"));
     auto shown = in.ise(patiently({"type", "show", "atirma/boat", "helm"}));
     CHECK(shown.exit_code == 0);

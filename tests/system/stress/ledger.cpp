@@ -76,6 +76,27 @@ TEST_CASE("stress: what was sent and is neither on a disk nor at the boat is tol
     CHECK(findings::causes_of(told, verdict.lost, link_id::gprs).empty());
 }
 
+TEST_CASE("stress: a silence of Iridium without a fault is explained by what its modem reported") {
+    account told;
+    told.plan.length = 1h;
+    told.plan.iridium_period_s = 60;
+    auto cause = [&] {
+        auto silent = findings(told).gaps[static_cast<std::size_t>(link_id::iridium)];
+        REQUIRE(silent.size() == 1);
+        return silent.front().cause;
+    };
+    CHECK(cause() == "the boat began no session");
+    told.sessions = {{20min, 20min + 30s, false}, {25min, 25min + 30s, false}};
+    CHECK(cause() == "2 sessions broke off");
+    ledger book;
+    book.sent(link_id::iridium, 1, 19min);
+    auto causes = findings::causes_of(told, book.judge(both({}), 1h).lost, link_id::iridium);
+    CHECK(causes["its session broke off"] == 1);
+    told.sessions.clear();
+    told.episodes.push_back({10min, 50min, "no satellite in sight", link_id::iridium});
+    CHECK(cause() == "no satellite in sight");
+}
+
 TEST_CASE("stress: what was taken over after the end is not judged") {
     ledger book;
     book.sent(link_id::xbee, 1, 1s);

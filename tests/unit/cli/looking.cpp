@@ -2,7 +2,10 @@
 #include <apps/ise/activity.hpp>
 #include <apps/ise/connections.hpp>
 #include <apps/ise/findings.hpp>
+#include <apps/ise/graph_drawing.hpp>
+#include <apps/ise/needs.hpp>
 #include <apps/ise/spread.hpp>
+#include <apps/ise/styled.hpp>
 #include <apps/ise/table.hpp>
 #include <apps/ise/text.hpp>
 
@@ -269,10 +272,12 @@ TEST_CASE("a session is one connection, seen from both ends, and who only looks 
     CHECK(lines[1].a == "b");
     CHECK(lines[1].b.empty());
     CHECK(lines[1].address == "tcp://10.0.0.9:4321");
-    auto dot = connections_as_dot({a, b}, lines);
-    CHECK_THAT(dot, Contains(R"x("a" -> "b" [label="steer (tcp)"];)x") && Contains("style=dotted"));
-    CHECK_THAT(connections_as_tree({a, b}, lines), Contains("b  tcp  uses steer") && Contains("a  tcp  gives steer") &&
-                                                       Contains("(anonymous, tcp://10.0.0.9:4321)"));
+    auto drawn = graph_of({}, {a, b}, "");
+    auto dot = graph_as_dot(drawn);
+    CHECK_THAT(dot, Contains(R"x("a" -> "b" [label="steer\n(tcp)")x") && Contains("dotted"));
+    auto text = printed(graph_as_page(drawn), 0, false);
+    CHECK_THAT(text, Contains("b  tcp") && Contains("uses  steer  calls") && Contains("a  tcp") &&
+                         Contains("gives steer  calls") && Contains("(anonymous, tcp://10.0.0.9:4321)"));
     SECTION("each end tells what it uses itself, of all their sessions together, and by a name that is declared "
             "otherwise") {
         b.about->sessions.front().uses = {"account"};
@@ -292,6 +297,53 @@ TEST_CASE("a session is one connection, seen from both ends, and who only looks 
         CHECK(seen[0].bytes_to_a == 99);
         CHECK(seen[0].bytes_to_b == 19);
     }
+}
+
+TEST_CASE("a service has all its users, those that declared it and those that were seen to use it") {
+    auto node = well("node"), boat = well("boat"), page = well("page");
+    boat.about->services = {service(steer, true)};
+    node.about->services = {service(steer, false), service(unused, false)};
+    page.about->sessions = {with("boat (tcp://10.0.0.2:7411)")};
+    page.about->sessions.front().uses = {"steer"};
+    auto lines = services_of({boat, node, page}, false);
+    REQUIRE(lines.size() == 2);
+    CHECK(lines[0].name == "steer");
+    CHECK(lines[0].providers == list{"boat"});
+    CHECK(lines[0].users == list{"node", "page"});
+    CHECK_FALSE(lines[0].missing);
+    CHECK(lines[1].missing);
+    CHECK(lines[1].concerns("node"));
+    CHECK_FALSE(lines[1].concerns("boat"));
+    auto silent = well("silent"); // may provide it
+    silent.about.reset();
+    CHECK_FALSE(services_of({boat, node, page, silent}, false)[1].missing);
+}
+
+TEST_CASE("a graph has hosts, kinds, rates and what is missing, and of a prefix its peers, too") {
+    auto node = well("node", "shore"), boat = well("boat", "sea"), other = well("other", "shore");
+    boat.about->services = {service(steer, true)};
+    boat.health->services.resize(1);
+    boat.health->services[0].name = "steer";
+    node.about->services = {service(steer, false), service(unused, false)};
+    node.about->sessions = {with("boat (tcp://10.0.0.2:7411)", 1000, 500)};
+    node.about->sessions.front().uses = {"steer"};
+    auto later_boat = boat, later_node = node;
+    later_boat.answered_at = later_node.answered_at = node.answered_at + 2s;
+    later_boat.health->services[0].calls = 8;
+    later_node.about->sessions.front().bytes_in = 5000;
+    auto drawn = graph_of({node, boat, other}, {later_node, later_boat, other}, "boat");
+    CHECK(drawn.components.size() == 2);
+    auto text = printed(graph_as_page(drawn), 0, false);
+    CHECK_THAT(text, Contains("sea  1 component\n  boat  ready\n") && Contains("gives steer  calls  4.0/s") &&
+                         Contains("2.0 kB/s") && Contains("needs unused: missing, no component provides it") &&
+                         !Contains("other") && !Contains("\x1b"));
+    CHECK_THAT(printed(graph_as_page(drawn), 0, true), Contains("\x1b[32mready\x1b[0m"));
+    auto page = printed(graph_as_page(drawn), 40, false);
+    for (std::size_t from = 0; from < page.size(); from = page.find('\n', from) + 1)
+        CHECK(columns(page.substr(from, page.find('\n', from) - from)) <= 40);
+    CHECK_THAT(graph_as_dot(drawn), Contains("subgraph cluster_0") && Contains(R"x(label="sea")x") &&
+                                        Contains(R"x("node" -> "boat" [label="steer 4.0/s\n(tcp)")x") &&
+                                        Contains(R"x("node" -> "missing unused")x"));
 }
 
 TEST_CASE("rates are of one life, without our own questions") {
