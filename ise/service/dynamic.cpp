@@ -66,6 +66,20 @@ result<dynamic_contract> dynamic_contract::make(std::string name, service_kind k
     return dynamic_contract(std::move(name), std::make_shared<const packet_types>(kind, std::move(packets)));
 }
 
+result<dynamic_contract> dynamic_contract::parse(std::string name, service_kind kind,
+                                                 const std::vector<std::string>& schema_texts) {
+    std::vector<schema> packets;
+    for (const auto& text : schema_texts) {
+        auto parsed = schema::parse(text);
+        if (!parsed)
+            return failure(parsed.error().code(),
+                           fmt::format("the {} of '{}' is not described readably: {}",
+                                       role::name(kind, packets.size()), name, parsed.error().message()));
+        packets.push_back(std::move(*parsed));
+    }
+    return make(std::move(name), kind, std::move(packets));
+}
+
 // A packet without fields in the layout of one with fields: each takes its default.
 dynamic_packet default_packet(const schema& of) { return dynamic_packet(of, adapt(schema(), of, {})); }
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 /// Calls and subscriptions of services whose packets are known at run time only, as a component describes them.
+/// <ise/component/provide_dynamic.hpp> provides such services.
 namespace ise {
 
 /// A service with the schemas that were received for it. A value, cheap to copy.
@@ -14,6 +15,15 @@ class dynamic_contract {
 public:
     /// errc::invalid_argument unless there are as many packets as the kind has (two, or five).
     static result<dynamic_contract> make(std::string name, service_kind kind, std::vector<schema> packets);
+    /// From the canonical texts of its packets, also from untrusted sources, such as a file. Fails as `make` and
+    /// `schema::parse` do, with the packet that is wrong.
+    static result<dynamic_contract> parse(std::string name, service_kind kind,
+                                          const std::vector<std::string>& schema_texts);
+    /// Of a service that is known at compile time: `dynamic_contract::of(position)`.
+    template <class Contract>
+    static dynamic_contract of(const Contract& service) {
+        return dynamic_contract(std::string(service.name()), std::make_shared<const packet_types>(Contract::types()));
+    }
 
     /// The name of the service.
     const std::string& name() const noexcept { return name_; }
