@@ -229,7 +229,7 @@ std::shared_ptr<publication_core> make_dynamic_publication(service_runtime& runt
         return fitted_bytes(*response, wanted).copy();
     };
     made->removed = [types, read, tell = std::move(callbacks.on_unsubscribe)](bytes_view raw, const adapter* adapt,
-                                                                            const subscriber_info& who) {
+                                                                              const subscriber_info& who) {
         const auto& wanted = types->schemas[role::unsubscribe_response];
         auto request = read(types->schemas[role::unsubscribe_request], raw, adapt);
         auto response = tell ? tell(request, who) : default_packet(wanted);

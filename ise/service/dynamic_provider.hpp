@@ -21,8 +21,7 @@ class service_runtime;
 /// A handler that is a coroutine. The context lives as long as the handler runs.
 using dynamic_handler = std::function<task<dynamic_packet>(dynamic_packet request, const call_context& context)>;
 /// A handler that is a plain function; a failure that it returns keeps its code.
-using dynamic_function =
-    std::function<result<dynamic_packet>(dynamic_packet request, const call_context& context)>;
+using dynamic_function = std::function<result<dynamic_packet>(dynamic_packet request, const call_context& context)>;
 
 /// A request-response service that answers by `handler`. Requests have the service's own schema; responses of
 /// another schema are adapted, and a response that does not fit fails the call (errc::handler_failed). Exceptions are
@@ -53,8 +52,8 @@ std::shared_ptr<call_service> make_any_dynamic_service(service_runtime& runtime,
                       std::is_invocable_v<Handler&, dynamic_packet, const call_context&>,
                   "ise: a dynamic handler takes an ise::dynamic_packet, and perhaps a const ise::call_context&");
     auto shared = std::make_shared<Handler>(std::move(handler)); // std::function wants what can be copied
-    using answer = decltype(call_dynamic_handler(*shared, std::declval<dynamic_packet>(),
-                                                 std::declval<const call_context&>()));
+    using answer =
+        decltype(call_dynamic_handler(*shared, std::declval<dynamic_packet>(), std::declval<const call_context&>()));
     if constexpr (std::is_same_v<answer, task<dynamic_packet>>) {
         dynamic_handler made = [shared](dynamic_packet request, const call_context& context) {
             return call_dynamic_handler(*shared, std::move(request), context);
