@@ -21,7 +21,7 @@ struct bw_line {
 
 class bandwidth final : public gauge {
 public:
-    void see(const dynamic_packet& packet, time_point) override {
+    void see(const received<dynamic_packet>& packet, time_point) override {
         std::uint64_t size = packet.encoded().size();
         ++now_.packets;
         now_.bytes += size;

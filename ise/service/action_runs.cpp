@@ -128,13 +128,10 @@ result<bytes> action_runs::accept(bytes_view request, const adapter* adapt, cons
 // For one more run; gives how many are executed before it.
 std::optional<failure> action_runs::make_room(std::size_t& before) {
     std::vector<held_run> active;
-    std::size_t waiting = 0;
-    for (const auto& one : all_) {
-        if (one->is == provided_run::state::ended) continue;
-        active.push_back(one);
-        waiting += one->is == provided_run::state::waiting ? 1 : 0;
-    }
+    for (const auto& one : all_)
+        if (one->is != provided_run::state::ended) active.push_back(one);
     if (active.size() < options_.concurrent) return std::nullopt;
+    const auto waiting = active.size() - options_.concurrent; // those that begin in this turn do not
     switch (options_.busy) {
         case when_busy::refuse:
             return failure(errc::overloaded, fmt::format("'{}' executes {} goals already (action_options::concurrent)",
@@ -143,7 +140,7 @@ std::optional<failure> action_runs::make_room(std::size_t& before) {
             if (waiting >= options_.waiting)
                 return failure(errc::overloaded,
                                fmt::format("'{}' has {} goals waiting (action_options::waiting)", name_, waiting));
-            before = active.size() - options_.concurrent + 1;
+            before = waiting + 1;
             return std::nullopt;
         case when_busy::replace: break;
     }
