@@ -25,8 +25,8 @@ struct packet_source {
 void check_field(const schema& of, const std::string& path);
 /// The first line of CSV: the fields, or all that the schema has.
 std::string csv_heading(const packet_format& how, const schema& of, bool with_source);
-/// A packet as its line. A field that this packet does not have (an absent optional, an index beyond the end) is null, in
-/// CSV empty.
+/// A packet as its line. A field that this packet does not have (an absent optional, an index beyond the end) is null,
+/// in CSV empty.
 std::string packet_line(const packet_format& how, const received<dynamic_packet>& packet, const packet_source& from);
 
 } // namespace ise::cli

@@ -34,7 +34,8 @@ task<> run_action(context& in, run_command_options options) {
                       fmt::format("the goal of '{}' has fields, and none was given", options.action),
                       fmt::format("it is {}\ngive what matters, or {{}} for the defaults:\n{}", types.goal.pretty(),
                                   example(options.name, service)));
-    auto goal = co_await packet_from(in, types.goal, options.json.empty() ? "{}" : options.json, "goal");
+    if (options.json.empty()) options.json = "{}";
+    auto goal = co_await packet_from(in, types.goal, options.json, "goal");
     run_options limits;
     limits.accept = in.left();
     limits.deadline = options.deadline;

@@ -40,4 +40,8 @@ task<dynamic_stream> open_stream(context& in, subscribe_choice choice, subscribe
     co_return std::move(*stream);
 }
 
+task<dynamic_stream> open_stream(context& in, subscribe_choice choice, subscribe_options terms) {
+    return open_stream(in, std::move(choice), terms, nullptr);
+}
+
 } // namespace ise::cli

@@ -153,7 +153,7 @@ public:
         provide(service, std::move(handler), one);
     }
     /// Executes the goals of an action by `handler`, a coroutine `ise::task<Result>(Goal, ise::progress<Feedback>)`: it
-    /// reports with `co_await report(feedback)` and ends with `co_return result`. It is cancelled when its requester
+    /// reports with `co_await progress(feedback)` and ends with `co_return result`. It is cancelled when its requester
     /// cancels the run or does not come back within the linger, at the run's deadline, and when a newer goal replaces
     /// it. Its exceptions end the run: an ise::error with errc::refused unchanged, all others as errc::handler_failed.
     template <class Goal, class Feedback, class Result, class Handler>

@@ -22,11 +22,11 @@ public:
     run_core(std::shared_ptr<subscription_owner> to, std::string service, const packet_types& types,
              run_options options, bytes_view goal);
 
-    /// Starts it; completes when the provider has accepted the goal. Cancellation: terminal, cancels the run.
+    /// Starts it, until the provider accepts it. Fails as `remote::start`. Cancellation: terminal, cancels the run.
     static task<result<void>> start(std::shared_ptr<run_core> self);
     /// The next report; none once the run is over. Cancellation: terminal, no report is lost.
     static task<std::optional<bytes>> next(std::shared_ptr<run_core> self);
-    /// The result, behind all reports. Cancellation: terminal, the outcome is not lost.
+    /// The result, behind all reports. Fails as `action_run::result`. Cancellation: terminal, the outcome is not lost.
     static task<result<bytes>> finish(std::shared_ptr<run_core> self);
     /// Cancels it.
     void cancel();

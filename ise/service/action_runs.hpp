@@ -82,7 +82,7 @@ private:
     std::deque<run_id> gone_; // were here, the last ones: they are not begun again
 };
 
-/// Reports the progress of the run that a handler executes: `co_await report(feedback)`. A value; used on the
+/// Reports the progress of the run that a handler executes: `co_await progress(feedback)`. A value; used on the
 /// component's loop while the handler runs.
 template <class Feedback>
 class progress {

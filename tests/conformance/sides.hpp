@@ -54,7 +54,7 @@ private:
     ise::dynamic_publication dynamic_;
 };
 
-/// What `subscribe` gives.
+/// What `subscribe_to` gives.
 template <class Contract>
 class subscriber {
     using packet = typename Contract::packet_type;
@@ -98,9 +98,9 @@ private:
 };
 
 template <class Contract>
-ise::task<subscriber<Contract>> subscribe(ise::remote from, Contract service,
-                                          typename Contract::subscribe_request request,
-                                          ise::subscribe_options options) {
+ise::task<subscriber<Contract>> subscribe_to(ise::remote from, Contract service,
+                                             typename Contract::subscribe_request request,
+                                             ise::subscribe_options options) {
     if (!dynamic_requester()) {
         auto made = co_await from.subscribe(service, request, options);
         co_return subscriber<Contract>(std::move(made));
@@ -111,8 +111,8 @@ ise::task<subscriber<Contract>> subscribe(ise::remote from, Contract service,
     co_return subscriber<Contract>(std::move(made.value()));
 }
 template <class Contract>
-ise::task<subscriber<Contract>> subscribe(ise::remote from, Contract service, ise::subscribe_options options) {
-    return subscribe(std::move(from), service, typename Contract::subscribe_request(), options);
+ise::task<subscriber<Contract>> subscribe_to(ise::remote from, Contract service, ise::subscribe_options options) {
+    return subscribe_to(std::move(from), service, typename Contract::subscribe_request(), options);
 }
 
 template <class Contract>

@@ -37,7 +37,7 @@ ise::task<subscriber<watch>> subscribe_watch(ise::remote from) {
     later.last_value = false;
     later.deadline = 1min;
     set_mode asked{"x"};
-    auto made = co_await subscribe(from, watched, std::move(asked), later);
+    auto made = co_await subscribe_to(from, watched, std::move(asked), later);
     co_return made;
 }
 ise::task<double> first_of(std::shared_ptr<subscriber<watch>> from) {
@@ -117,7 +117,7 @@ ise::task<std::string> rent_and_leave(ise::remote from) {
     ise::subscribe_options options;
     options.deadline = 1min;
     set_mode asked{"x"};
-    auto made = co_await subscribe(from, rented, std::move(asked), options);
+    auto made = co_await subscribe_to(from, rented, std::move(asked), options);
     parting said{"fair winds"};
     auto answer = co_await made.leave(said, 1min);
     co_return answer.word;

@@ -48,7 +48,7 @@ void take(reading& into, const ise::received<fix>& packet) {
 
 ise::task<> begin(ise::remote from, ise::subscribe_options options, std::shared_ptr<reading> into) {
     options.deadline = 10min;
-    auto made = co_await subscribe(from, position, options);
+    auto made = co_await subscribe_to(from, position, options);
     into->stream.emplace(std::move(made));
     into->subscribed = true;
 }

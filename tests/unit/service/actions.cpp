@@ -59,7 +59,7 @@ void add_action(party& to, Handler handler, ise::action_options options = ise::a
     to.services->services().add(ise::make_action(*to.services, sail_to, std::move(handler), options)).value();
 }
 
-ise::task<arrival> sail(party& boat, std::shared_ptr<logbook> log, waypoint to, ise::progress<leg_sailed> report,
+ise::task<arrival> sail(party& boat, std::shared_ptr<logbook> log, waypoint to, ise::progress<leg_sailed> progress,
                         ise::duration leg_time) {
     struct at_sea {
         logbook& log;
@@ -72,7 +72,7 @@ ise::task<arrival> sail(party& boat, std::shared_ptr<logbook> log, waypoint to, 
         for (std::uint32_t leg = 1; leg <= to.legs; ++leg) {
             co_await ise::sleep_for(boat.on, leg_time);
             leg_sailed done{to.name, leg};
-            co_await report(done);
+            co_await progress(done);
         }
     } catch (const std::exception&) {
         ++log->cancelled[to.name];
@@ -94,8 +94,8 @@ struct sea {
     std::string where;
 
     auto sailing(party& by, ise::duration leg_time) const {
-        return [&by, log = log, leg_time](waypoint to, ise::progress<leg_sailed> report) {
-            return sail(by, log, std::move(to), std::move(report), leg_time);
+        return [&by, log = log, leg_time](waypoint to, ise::progress<leg_sailed> progress) {
+            return sail(by, log, std::move(to), std::move(progress), leg_time);
         };
     }
 
@@ -273,12 +273,12 @@ ise::task<errc> start_and_cancel(ise::remote boat) {
     co_return outcome ? errc{} : outcome.error().code();
 }
 
-ise::task<> stubborn_wait(party& boat, ise::progress<leg_sailed> report, std::shared_ptr<int> swallowed) {
+ise::task<> stubborn_wait(party& boat, ise::progress<leg_sailed> progress, std::shared_ptr<int> swallowed) {
     for (;;) {
         try {
             co_await ise::sleep_for(boat.on, 10ms);
             leg_sailed done{"nowhere", 1};
-            co_await report(done);
+            co_await progress(done);
         } catch (const std::exception&) {
             if (++*swallowed == 5) throw; // it was told again and again
         }
@@ -536,8 +536,8 @@ TEST_CASE(
     auto& boat = all.add("boat");
     auto& shore = all.add("shore");
     auto swallowed = std::make_shared<int>(0);
-    add_action(boat, [&, swallowed](waypoint to, ise::progress<leg_sailed> report) -> ise::task<arrival> {
-        co_await stubborn_wait(boat, report, swallowed);
+    add_action(boat, [&, swallowed](waypoint to, ise::progress<leg_sailed> progress) -> ise::task<arrival> {
+        co_await stubborn_wait(boat, progress, swallowed);
         arrival made{to.name, 0};
         co_return made;
     });
