@@ -21,8 +21,8 @@ struct bw_line {
 
 class bandwidth final : public gauge {
 public:
-    void see(const dynamic_packet& packet, time_point) override {
-        std::uint64_t size = packet.encoded().size();
+    void see(const received<dynamic_packet>& packet, time_point) override {
+        std::uint64_t size = packet->encoded().size();
         ++now_.packets;
         now_.bytes += size;
         now_.smallest = std::min(now_.smallest.value_or(size), size);

@@ -14,6 +14,7 @@
 #include <fmt/format.h>
 
 #include <csignal>
+#include <functional>
 #include <thread>
 #include <utility>
 
@@ -28,6 +29,17 @@ struct error_line {
 };
 struct note_line {
     std::string note;
+};
+
+// The command as a component that is registered only when it says so.
+class performer final : public component {
+public:
+    explicit performer(std::function<task<>(component&)> body) : body_(std::move(body)) { announce_when_ready(); }
+
+private:
+    task<> run() override { return body_(*this); }
+
+    std::function<task<>(component&)> body_;
 };
 
 // How the command ended, written on its component's thread and read when that has stopped.
@@ -143,9 +155,20 @@ exit_code run(const parsed_command& what) {
         asio::io_context context(1);
         asio::signal_set signals(context, SIGINT, SIGTERM);
         if (hangup_ends()) signals.add(SIGHUP);
-        running.start(
-            path, [&](component& self) { return run_on(self, what, ctrl_c, end); }, mine);
+        auto body = [&](component& self) { return run_on(self, what, ctrl_c, end); };
+        if (what.stands_in.empty()) {
+            running.start(path, body, mine);
+        } else {
+            component_options in_place;
+            if (!what.listens_at.empty()) in_place.listen = {endpoint::parse(what.listens_at).value()};
+            running.start<performer>(what.stands_in, in_place, body);
+        }
         run_until_interrupted(running, ctrl_c, context, signals);
+        for (const auto& one : running.reports()) // such as a name that somebody else has
+            if (!one.failure.empty() && !end.code) {
+                end.why.emplace(exit_code::failed, "failed", one.failure);
+                end.code = exit_code::failed;
+            }
     } catch (const problem& why) {
         end.why = why;
         end.code = why.code();

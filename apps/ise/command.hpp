@@ -70,6 +70,8 @@ struct parsed_command {
     std::string text;
     bool endless = false;             ///< ended by Ctrl-C in the usual way
     bool looks = false;               ///< under a name of its own, so that it is known where sessions are shown
+    std::string stands_in;            ///< it runs as this component, which is registered when it is ready
+    std::string listens_at;           ///< and listens there; empty: as every component
     std::optional<duration> patience; ///< the timeout where none is given
 };
 

@@ -19,19 +19,20 @@ extern const command list_command, describe_command, call_command, echo_command,
     stop_command, restart_command, kill_command, logs_command, ps_command, up_command, down_command, diff_command,
     validate_command, param_command, doctor_command, graph_command, top_command, ping_command, bench_command,
     bw_command, delay_command, tree_command, services_command, types_command, type_command, completion_command,
-    version_command;
+    version_command, pub_command, mock_command, run_command;
 
 namespace {
 
 constexpr const command* all_commands[] = {
-    &list_command,     &describe_command, &call_command,     &echo_command,       &hz_command,     &start_command,
-    &stop_command,     &restart_command,  &kill_command,     &logs_command,       &ps_command,     &up_command,
-    &down_command,     &diff_command,     &validate_command, &param_command,      &doctor_command, &graph_command,
-    &top_command,      &ping_command,     &bench_command,    &bw_command,         &delay_command,  &tree_command,
-    &services_command, &types_command,    &type_command,     &completion_command, &version_command};
+    &list_command,     &describe_command, &call_command,     &echo_command,       &hz_command,      &start_command,
+    &stop_command,     &restart_command,  &kill_command,     &logs_command,       &ps_command,      &up_command,
+    &down_command,     &diff_command,     &validate_command, &param_command,      &doctor_command,  &graph_command,
+    &top_command,      &ping_command,     &bench_command,    &bw_command,         &delay_command,   &tree_command,
+    &services_command, &types_command,    &type_command,     &completion_command, &version_command, &pub_command,
+    &mock_command,     &run_command};
 
 constexpr const char* exit_codes = R"(Exit codes:
-  0    the answer is complete; also when Ctrl-C ended echo, hz, bw, delay or top, or a reader such as head ended
+  0    the answer is complete; also when Ctrl-C ended echo, hz, bw, delay, top, pub or mock, or a reader such as head ended
   1    the component was reached and refused, or failed; a start or a step of up failed; doctor found something
   2    the command line or a deployment file is invalid; a call without its request
   3    not reached: no name server, no such name or service, no answer in time

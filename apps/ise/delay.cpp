@@ -15,9 +15,13 @@
 namespace ise::cli {
 namespace {
 
+// What is shown as the field where the age is that since the publication; no field is called so.
+constexpr const char* publication_time = "(published)";
+
 struct delay_options {
     metering_options from;
-    std::string field; ///< a time in the packets; empty: the one that is called so
+    std::string field;  ///< a time in the packets; empty: the one that is called so
+    bool stamp = false; ///< the time of their publication
 };
 
 struct delay_line {
@@ -32,9 +36,9 @@ class ages final : public gauge {
 public:
     ages(component& self, std::string field) : self_(self), field_(std::move(field)) {}
 
-    void see(const dynamic_packet& packet, time_point) override {
+    void see(const received<dynamic_packet>& packet, time_point) override {
         ++now_.packets;
-        double at = packet.field(field_).as_double(); // seconds since 1970
+        const double at = time_of(packet); // seconds since 1970
         double age = std::chrono::duration<double>(self_.wall().time_since_epoch()).count() - at;
         constexpr double most = 9e9; // centuries: what does not fit a duration is no age
         if (!std::isfinite(at) || at <= 0 || std::abs(age) > most) {
@@ -61,6 +65,13 @@ public:
     std::string json(duration, const dynamic_stream& stream) override { return json_line(take(stream)); }
 
 private:
+    // Not a number: the provider does not tell it.
+    double time_of(const received<dynamic_packet>& packet) const {
+        if (field_ != publication_time) return packet->field(field_).as_double();
+        const auto at = packet.published_at();
+        return at ? std::chrono::duration<double>(at->time_since_epoch()).count() : std::nan("");
+    }
+
     delay_line take(const dynamic_stream& stream) {
         auto made = std::exchange(now_, delay_line());
         auto seen = std::exchange(seen_, spread());
@@ -109,9 +120,10 @@ std::string field_of(const schema& packet, const std::string& wanted, const std:
     for (const char* usual : {"measured_at", "received_at"})
         if (std::ranges::find(times, usual) != times.end()) return usual;
     if (times.size() == 1) return times.front();
+    if (times.empty()) return publication_time;
     throw problem(exit_code::usage, "usage",
                   fmt::format("the packets of '{}' do not say which time is theirs", service),
-                  times.empty() ? there : there + ": choose one with --field");
+                  there + ": choose one with --field, or --stamp for the time of their publication");
 }
 
 // Ages mean little where clocks differ: it is said, as far as it can be known.
@@ -129,7 +141,8 @@ task<> tell_skew(context& in, remote who, std::string name) {
 task<> delay(context& in, delay_options options) {
     auto who = co_await reach(in, options.from.what.name);
     auto service = co_await find_service(in, who, options.from.what.service, service_kind::subscription);
-    auto field = field_of(service.packet(role::published), options.field, options.from.what.service);
+    auto field = options.stamp ? std::string(publication_time)
+                               : field_of(service.packet(role::published), options.field, options.from.what.service);
     co_await tell_skew(in, who, options.from.what.name);
     auto by = std::make_shared<ages>(in.self, field);
     co_await measure(in, std::move(options.from), by);
@@ -139,9 +152,12 @@ void declare_delay(CLI::App& app, parsed_command& made) {
     auto given = std::make_shared<delay_options>();
     add_metering(app, given->from);
     app.add_option("--field", given->field,
-                   "a time in the packets (default: measured_at, else received_at, else the only one)")
+                   "a time in the packets (default: measured_at, else received_at, else the only one, else --stamp)")
         ->type_name("FIELD");
+    app.add_flag("--stamp", given->stamp, "the time of their publication");
     app.callback([&made, given] {
+        if (given->stamp && !given->field.empty())
+            throw problem(exit_code::usage, "usage", "--field and --stamp exclude each other");
         complete_metering(given->from, made);
         made.work = [given](context& in) { return delay(in, *given); };
     });

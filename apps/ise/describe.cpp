@@ -7,12 +7,14 @@
 #include "text.hpp"
 
 #include <ise/component/introspection.hpp>
+#include <ise/service/action.hpp>
 #include <ise/service/resolver.hpp>
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <memory>
+#include <utility>
 
 namespace ise::cli {
 namespace {
@@ -75,8 +77,14 @@ service_kind kind_of(const service_text& one) {
     return one.kind == 0 ? service_kind::request_response : service_kind::subscription;
 }
 
+// An action is a subscription, and means more to people.
+std::string_view kind_name(const service_text& one) {
+    auto contract = contract_of(one);
+    return contract && is_action(*contract->types()) ? "action" : ise::name_of(kind_of(one));
+}
+
 described_service describe_one(const service_text& one) {
-    described_service made{one.name, ise::name_of(kind_of(one)), one.provided, {}, one.declared};
+    described_service made{one.name, kind_name(one), one.provided, {}, one.declared};
     for (std::size_t place = 0; place < one.packets.size(); ++place)
         made.packets.push_back(
             {role::name(kind_of(one), place), hex(one.packets[place].fingerprint), one.packets[place].schema});
@@ -116,8 +124,16 @@ description description_of(const component_info& about, const std::string& name,
 
 std::string service_page(const service_text& one, const std::string& name) {
     auto kind = kind_of(one);
-    auto page = fmt::format("\n{}  ({})\n", printable(one.name), ise::name_of(kind));
+    auto page = fmt::format("\n{}  ({})\n", printable(one.name), kind_name(one));
     auto contract = contract_of(one);
+    if (contract && is_action(*contract->types())) {
+        auto types = schemas_of_action(*contract->types());
+        for (const auto& [name_of_part, packet] :
+             {std::pair("goal", &types.goal), std::pair("feedback", &types.feedback),
+              std::pair("result", &types.result)})
+            page += fmt::format("  {}\n", name_of_part) + indented(printable(packet->pretty(), true), "    ");
+        return one.provided ? page + "  try\n" + example(name, *contract) : page;
+    }
     if (!contract) return page + fmt::format("    {}\n", printable(contract.error().message(), true));
     for (std::size_t place = 0; place < one.packets.size(); ++place) {
         const auto& packet = contract->packet(place);
@@ -156,8 +172,8 @@ std::string component_page(const component_info& about, const std::string& name,
     for (const auto& one : about.services) {
         if (one.provided) page += service_page(one, name);
         else
-            required += fmt::format("  {}  ({}{})\n", printable(one.name), ise::name_of(kind_of(one)),
-                                    one.declared ? "" : ", used");
+            required +=
+                fmt::format("  {}  ({}{})\n", printable(one.name), kind_name(one), one.declared ? "" : ", used");
     }
     if (!required.empty()) page += "\nrequired of others\n" + required;
 

@@ -24,7 +24,7 @@ struct hz_line {
 // ends.
 class arrivals final : public gauge {
 public:
-    void see(const dynamic_packet&, time_point at) override {
+    void see(const received<dynamic_packet>&, time_point at) override {
         ++packets_;
         auto before = std::exchange(last_, at);
         if (!before) return;

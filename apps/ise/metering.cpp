@@ -18,7 +18,7 @@ task<> receive_all(component& self, std::shared_ptr<metered_stream> from) {
         auto packet = co_await from->stream.next();
         if (!packet) break;
         auto now = self.now();
-        for (; packet; packet = from->stream.try_next()) from->to->see(*packet, now);
+        for (; packet; packet = from->stream.try_next()) from->to->see(packet, now);
     }
 }
 

@@ -39,7 +39,7 @@ void complete_metering(metering_options& of, parsed_command& made);
 class gauge {
 public:
     virtual ~gauge() = default;
-    virtual void see(const dynamic_packet& packet, time_point at) = 0;
+    virtual void see(const received<dynamic_packet>& packet, time_point at) = 0;
     virtual std::string heading() const = 0;
     /// Of a window that is over, and a new one begins: a row for people, or a line of JSON.
     virtual std::string row(duration window, const dynamic_stream& stream) = 0;

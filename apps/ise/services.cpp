@@ -1,4 +1,5 @@
 // ise services, ise types: the services and packet types of all components.
+#include "cpp_header.hpp"
 #include "json.hpp"
 #include "needs.hpp"
 #include "options.hpp"
@@ -21,6 +22,7 @@ namespace {
 struct services_options {
     std::string prefix;
     bool all = false; ///< ISE's own too
+    bool cpp = false; ///< of types: as a header
 };
 
 struct listed_service {
@@ -111,7 +113,7 @@ task<> look_at_all(context& in, services_options options, show_services show) {
     tell_silent(in, all, options.prefix);
 }
 
-void declare_for_all(CLI::App& app, parsed_command& made, show_services show) {
+std::shared_ptr<services_options> declare_for_all(CLI::App& app, parsed_command& made, show_services show) {
     auto given = std::make_shared<services_options>();
     add_prefix(app, given->prefix);
     app.add_flag("--all", given->all, "ISE's own services too");
@@ -119,18 +121,55 @@ void declare_for_all(CLI::App& app, parsed_command& made, show_services show) {
         made.looks = true;
         made.work = [given, show](context& in) { return look_at_all(in, *given, show); };
     });
+    return given;
+}
+
+task<> print_header(context& in, services_options options) {
+    check_prefix(options.prefix);
+    survey_options what;
+    what.prefix = options.prefix;
+    auto all = co_await survey(in, what);
+    std::vector<header_part> parts;
+    for (const auto& one : all) {
+        if (!one.about) continue;
+        header_part part{one.name.path, {}};
+        for (const auto& service : one.about->services) {
+            if (!service.provided || (!options.all && is_own_service(service.name))) continue;
+            auto contract = contract_of(service);
+            if (contract) part.services.push_back(std::move(*contract));
+            else note(in.set, fmt::format("{}: {}", one.name.path, contract.error().message()));
+        }
+        if (!part.services.empty()) parts.push_back(std::move(part));
+    }
+    tell_silent(in, all, options.prefix);
+    if (parts.empty())
+        throw problem(exit_code::not_reached, "no_such_service", "there is no service to declare",
+                      "ise services lists them; --all includes ISE's own");
+    co_await in.out.write(in.self, cpp_header(parts));
 }
 
 void declare_services(CLI::App& app, parsed_command& made) { declare_for_all(app, made, show_lines<listed_services>); }
 
-void declare_types(CLI::App& app, parsed_command& made) { declare_for_all(app, made, show_lines<types_of>); }
+void declare_types(CLI::App& app, parsed_command& made) {
+    auto given = declare_for_all(app, made, show_lines<types_of>);
+    app.add_flag("--cpp", given->cpp, "a C++ header with the packets and services that the components provide");
+    app.callback([&made, given] {
+        made.looks = true;
+        made.work = [given](context& in) {
+            return given->cpp ? print_header(in, *given) : look_at_all(in, *given, show_lines<types_of>);
+        };
+    });
+}
 
 } // namespace
 
 extern const command services_command{"services", see_group, "lists services with their providers and users",
                                       "  ise services\n", declare_services};
 
-extern const command types_command{"types", see_group, "the packet types, and where they are used",
-                                   "  ise types atirma\n", declare_types};
+extern const command types_command{
+    "types", see_group, "the packet types, and where they are used",
+    "  ise types atirma\n"
+    "  ise types atirma/boat --cpp > boat.hpp   its packets and services, to be included\n",
+    declare_types};
 
 } // namespace ise::cli

@@ -3,6 +3,7 @@
 #include "target.hpp"
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -18,7 +19,10 @@ struct subscribe_choice {
 };
 void add_subscription(CLI::App& app, subscribe_choice& what);
 
-/// Reaches the component and subscribes as the user chose; the rest of `terms` is the command's.
+/// Reaches the component and subscribes as the user chose; the rest of `terms` is the command's. `check` sees the
+/// service before, and may throw.
+task<dynamic_stream> open_stream(context& in, subscribe_choice choice, subscribe_options terms,
+                                 std::function<void(const dynamic_contract&)> check);
 task<dynamic_stream> open_stream(context& in, subscribe_choice choice, subscribe_options terms);
 
 } // namespace ise::cli

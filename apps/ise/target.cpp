@@ -2,6 +2,7 @@
 
 #include "text.hpp"
 
+#include <ise/service/action.hpp>
 #include <ise/service/service_host.hpp>
 
 #include <fmt/format.h>
@@ -250,14 +251,19 @@ task<dynamic_packet> request_from(context& in, const dynamic_contract& service, 
 }
 
 std::string example(const std::string& name, const dynamic_contract& service) {
-    bool calls = service.kind() == service_kind::request_response;
-    const auto& asked = service.packet(role::request);
+    const bool calls = service.kind() == service_kind::request_response;
+    const bool runs = is_action(*service.types());
+    const auto asked = runs ? schemas_of_action(*service.types()).goal : service.packet(role::request);
     std::string json;
     constexpr std::size_t longest = 160;
     bool small = asked.type().min_size <= longest;
     if (small && !asked.type().members.empty()) json = " " + shell_quoted(printable(default_packet(asked).to_json()));
-    if (!small || json.size() > longest) json = calls ? " -" : "";
-    return fmt::format("    ise {} {} {}{}\n", calls ? "call" : "echo", name, printable(service.name()), json);
+    if (!small || json.size() > longest) json = calls || runs ? " -" : "";
+    return fmt::format("    ise {} {} {}{}\n",
+                       calls  ? "call"
+                       : runs ? "run"
+                              : "echo",
+                       name, printable(service.name()), json);
 }
 
 } // namespace ise::cli

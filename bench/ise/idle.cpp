@@ -29,7 +29,7 @@ class memory_teller final : public ise::component {
 };
 
 // All measuring components run on one loop.
-struct progress {
+struct progress_made {
     bool begun = false;
     std::size_t connected = 0;
 };
@@ -37,7 +37,7 @@ struct progress {
 // Connects once and then only keeps its session: each such component has a connection of its own.
 class idler final : public ise::component {
 public:
-    idler(std::size_t number, ise::endpoint server, std::shared_ptr<progress> all)
+    idler(std::size_t number, ise::endpoint server, std::shared_ptr<progress_made> all)
         : number_(number), server_(std::move(server)), all_(std::move(all)) {}
 
 private:
@@ -52,13 +52,13 @@ private:
 
     std::size_t number_;
     ise::endpoint server_;
-    std::shared_ptr<progress> all_;
+    std::shared_ptr<progress_made> all_;
     ise::remote peer_;
 };
 
 class accountant final : public ise::component {
 public:
-    accountant(const options& asked, ise::endpoint server, std::shared_ptr<progress> all, collector& into)
+    accountant(const options& asked, ise::endpoint server, std::shared_ptr<progress_made> all, collector& into)
         : asked_(asked), server_(std::move(server)), all_(std::move(all)), into_(into) {}
 
 private:
@@ -95,7 +95,7 @@ private:
 
     options asked_;
     ise::endpoint server_;
-    std::shared_ptr<progress> all_;
+    std::shared_ptr<progress_made> all_;
     collector& into_;
 };
 
@@ -104,7 +104,7 @@ private:
 std::unique_ptr<ise::component> make_memory_teller() { return std::make_unique<memory_teller>(); }
 
 void start_idlers(ise::node& node, const options& asked, const ise::endpoint& server, collector& into) {
-    auto all = std::make_shared<progress>();
+    auto all = std::make_shared<progress_made>();
     node.start<accountant>("bench/accountant", asking(), asked, server, all, into);
     for (std::size_t i = 0; i != asked.outstanding; ++i)
         node.start<idler>("bench/idler-" + std::to_string(i), asking("bench/accountant"), i, server, all);

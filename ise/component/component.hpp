@@ -7,6 +7,8 @@
 #include <ise/core/log.hpp>
 #include <ise/core/sleep.hpp>
 #include <ise/core/task.hpp>
+#include <ise/service/action.hpp>
+#include <ise/service/action_runs.hpp>
 #include <ise/service/remote.hpp>
 #include <ise/service/role_options.hpp>
 #include <ise/subscription/publication.hpp>
@@ -149,6 +151,16 @@ public:
         serve_options one;
         one.concurrent = 1;
         provide(service, std::move(handler), one);
+    }
+    /// Executes the goals of an action by `handler`, a coroutine `ise::task<Result>(Goal, ise::progress<Feedback>)`: it
+    /// reports with `co_await progress(feedback)` and ends with `co_return result`. It is cancelled when its requester
+    /// cancels the run or does not come back within the linger, at the run's deadline, and when a newer goal replaces
+    /// it. Its exceptions end the run: an ise::error with errc::refused unchanged, all others as errc::handler_failed.
+    template <class Goal, class Feedback, class Result, class Handler>
+    void provide(const action<Goal, Feedback, Result>& service, Handler handler,
+                 action_options options = action_options()) {
+        using parts = detail::component_parts;
+        parts::add(*this, make_action(parts::runtime(*this), service, std::move(handler), options));
     }
     /// Provides a subscription service: call the result to publish.
     template <class Contract>

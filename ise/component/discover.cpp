@@ -10,16 +10,9 @@ result<dynamic_contract> contract_of(const service_text& told) {
     if (told.kind > static_cast<std::uint8_t>(service_kind::subscription))
         return failure(errc::malformed, fmt::format("'{}' is a service of an unknown kind ({})", told.name, told.kind));
     auto kind = static_cast<service_kind>(told.kind);
-    std::vector<schema> packets;
-    for (const auto& packet : told.packets) {
-        auto parsed = schema::parse(packet.schema);
-        if (!parsed)
-            return failure(parsed.error().code(),
-                           fmt::format("the {} of '{}' is not described readably: {}", role::name(kind, packets.size()),
-                                       told.name, parsed.error().message()));
-        packets.push_back(std::move(*parsed));
-    }
-    return dynamic_contract::make(told.name, kind, std::move(packets));
+    std::vector<std::string> texts;
+    for (const auto& packet : told.packets) texts.push_back(packet.schema);
+    return dynamic_contract::parse(told.name, kind, texts);
 }
 
 task<result<dynamic_contract>> discover(remote provider, std::string service, duration deadline) {

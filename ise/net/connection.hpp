@@ -126,6 +126,8 @@ public:
     /// The peer for people: its path if it has one, and its address.
     const std::string& peer_name() const noexcept { return peer_name_; }
     const connection_counts& counts() const noexcept { return counts_; }
+    /// Whether published packets carry their time.
+    bool tells_stamps() const noexcept { return terms_.features & wire::feature::stamps; }
     /// Whether deadlines are told as times of the receiver's clock.
     bool tells_clock() const noexcept { return terms_.features & wire::feature::clock; }
     /// The last measured round trip of a heartbeat; zero before the first.

@@ -66,6 +66,20 @@ result<dynamic_contract> dynamic_contract::make(std::string name, service_kind k
     return dynamic_contract(std::move(name), std::make_shared<const packet_types>(kind, std::move(packets)));
 }
 
+result<dynamic_contract> dynamic_contract::parse(std::string name, service_kind kind,
+                                                 const std::vector<std::string>& schema_texts) {
+    std::vector<schema> packets;
+    for (const auto& text : schema_texts) {
+        auto parsed = schema::parse(text);
+        if (!parsed)
+            return failure(parsed.error().code(),
+                           fmt::format("the {} of '{}' is not described readably: {}", role::name(kind, packets.size()),
+                                       name, parsed.error().message()));
+        packets.push_back(std::move(*parsed));
+    }
+    return make(std::move(name), kind, std::move(packets));
+}
+
 // A packet without fields in the layout of one with fields: each takes its default.
 dynamic_packet default_packet(const schema& of) { return dynamic_packet(of, adapt(schema(), of, {})); }
 
@@ -169,6 +183,70 @@ const failure& dynamic_stream::cause() const noexcept { return core_->cause(); }
 void dynamic_stream::leave() { core_->leave(); }
 task<result<dynamic_packet>> dynamic_stream::leave(dynamic_packet request, duration deadline) {
     return core::leave_with(core_, std::move(request), deadline);
+}
+
+dynamic_run::dynamic_run(std::shared_ptr<run_core> core, action_schemas types)
+    : core_(std::move(core)), types_(std::move(types)) {}
+
+dynamic_run& dynamic_run::operator=(dynamic_run&& other) noexcept {
+    if (core_ && core_ != other.core_) core_->cancel();
+    core_ = std::move(other.core_);
+    types_ = std::move(other.types_);
+    return *this;
+}
+
+dynamic_run::~dynamic_run() {
+    if (core_) core_->cancel();
+}
+
+namespace {
+
+task<std::optional<dynamic_packet>> next_report(std::shared_ptr<run_core> core, schema type) {
+    auto raw = co_await run_core::next(std::move(core));
+    std::optional<dynamic_packet> report;
+    if (raw) report.emplace(std::move(type), std::move(*raw));
+    co_return report;
+}
+
+task<result<dynamic_packet>> outcome_of(std::shared_ptr<run_core> core, schema type) {
+    auto raw = co_await run_core::finish(std::move(core));
+    if (!raw) co_return raw.error();
+    try {
+        co_return dynamic_packet(std::move(type), std::move(*raw));
+    } catch (const error& unfit) { // it ran
+        co_return failure(unfit.code(), unfit.what(), execution::unknown);
+    }
+}
+
+} // namespace
+
+task<std::optional<dynamic_packet>> dynamic_run::next() { return next_report(core_, types_.feedback); }
+task<result<dynamic_packet>> dynamic_run::outcome() { return outcome_of(core_, types_.result); }
+void dynamic_run::cancel() { core_->cancel(); }
+std::uint32_t dynamic_run::before() const { return core_->before(); }
+
+task<result<dynamic_run>> start_dynamic(remote provider, dynamic_contract service, dynamic_packet goal,
+                                        run_options options) {
+    auto& way = provider.way();
+    if (auto misplaced = detail::check_place(way, {service.name(), nullptr})) co_return std::move(*misplaced);
+    if (!is_action(*service.types()))
+        co_return failure(errc::invalid_argument,
+                          fmt::format("'{}' at {} is a {} service, not an action", service.name(), provider.name(),
+                                      name_of(service.kind())));
+    auto kept = way.runtime().schemas().keep(service.types());
+    if (!kept) co_return kept.error();
+    auto types = schemas_of_action(**kept);
+    std::shared_ptr<run_core> core;
+    try {
+        auto body = fitted(goal, types.goal);
+        core = std::make_shared<run_core>(way.shared_from_this(), service.name(), **kept, options, body);
+    } catch (const error& unfit) {
+        co_return unfit.why();
+    }
+    dynamic_run made(core, std::move(types)); // cancels it again if the wait is cancelled
+    auto begun = co_await run_core::start(core);
+    if (!begun) co_return begun.error();
+    co_return std::move(made);
 }
 
 task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract service, dynamic_packet request,

@@ -1,12 +1,17 @@
 #pragma once
 #include <ise/packet/dynamic.hpp>
+#include <ise/service/action.hpp>
+#include <ise/service/action_run.hpp>
 #include <ise/service/remote.hpp>
 
+#include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 /// Calls and subscriptions of services whose packets are known at run time only, as a component describes them.
+/// <ise/component/provide_dynamic.hpp> provides such services.
 namespace ise {
 
 /// A service with the schemas that were received for it. A value, cheap to copy.
@@ -14,6 +19,15 @@ class dynamic_contract {
 public:
     /// errc::invalid_argument unless there are as many packets as the kind has (two, or five).
     static result<dynamic_contract> make(std::string name, service_kind kind, std::vector<schema> packets);
+    /// From the canonical texts of its packets, also from untrusted sources, such as a file. Fails as `make` and
+    /// `schema::parse` do, with the packet that is wrong.
+    static result<dynamic_contract> parse(std::string name, service_kind kind,
+                                          const std::vector<std::string>& schema_texts);
+    /// Of a service that is known at compile time: `dynamic_contract::of(position)`.
+    template <class Contract>
+    static dynamic_contract of(const Contract& service) {
+        return dynamic_contract(std::string(service.name()), std::make_shared<const packet_types>(Contract::types()));
+    }
 
     /// The name of the service.
     const std::string& name() const noexcept { return name_; }
@@ -89,5 +103,39 @@ private:
 /// Cancellation: terminal, unsubscribes.
 task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract service, dynamic_packet request,
                                                subscribe_options options = subscribe_options());
+
+/// A run of an action whose packets are known at run time only; see `action_run`.
+class dynamic_run {
+public:
+    dynamic_run() = default;
+    dynamic_run(dynamic_run&&) noexcept = default; ///< takes the run over
+    /// The same; a run that was held before is cancelled.
+    dynamic_run& operator=(dynamic_run&& other) noexcept;
+    ~dynamic_run();
+
+    /// Waits for the next report of progress; empty when the run is over. Throws errc::malformed for one that is not
+    /// readable. Cancellation: terminal; the run goes on.
+    task<std::optional<dynamic_packet>> next();
+    /// Waits for the end of the run; the failures are those of `action_run::result`. Cancellation: terminal; the run
+    /// goes on.
+    task<result<dynamic_packet>> outcome();
+    /// Cancels the run now.
+    void cancel();
+    /// How many goals the provider executes before it.
+    std::uint32_t before() const;
+
+    /// Made by `start_dynamic`.
+    dynamic_run(std::shared_ptr<run_core> core, action_schemas types);
+
+private:
+    std::shared_ptr<run_core> core_;
+    action_schemas types_;
+};
+
+/// Starts a run of an action with a goal, which is adapted to the service; completes when the provider has accepted it.
+/// The failures are those of `remote::start`, and errc::invalid_argument for a service that is no action.
+/// Cancellation: terminal, cancels the run.
+task<result<dynamic_run>> start_dynamic(remote provider, dynamic_contract service, dynamic_packet goal,
+                                        run_options options = run_options());
 
 } // namespace ise

@@ -2,6 +2,8 @@
 #include <ise/call/pending_call.hpp>
 #include <ise/core/task.hpp>
 #include <ise/packet/codec.hpp>
+#include <ise/service/action.hpp>
+#include <ise/service/action_run.hpp>
 #include <ise/session/contract.hpp>
 #include <ise/subscription/subscriber.hpp>
 
@@ -242,6 +244,17 @@ public:
         return begin<Contract>(link_, std::string(service.name()), options, encode(request));
     }
 
+    /// Starts a run of an action, and completes when the provider has accepted the goal: `auto run = co_await
+    /// boat.start(sail_to, goal)`. Destroying the run cancels it. Throws ise::error: those of `subscribe`, and
+    /// overloaded where the provider executes as many goals as it may; `executed()` says whether it may have begun.
+    /// Cancellation: terminal, cancels the run. The goal is encoded before this returns.
+    template <class Goal, class Feedback, class Result>
+    task<action_run<action<Goal, Feedback, Result>>> start(const action<Goal, Feedback, Result>& service,
+                                                           const Goal& goal,
+                                                           run_options options = run_options()) const {
+        return begin_run<action<Goal, Feedback, Result>>(link_, std::string(service.name()), options, encode(goal));
+    }
+
     // Compile errors for services of the other kind.
     template <class... Packets, class... Arguments>
     void call(const subscription<Packets...>&, Arguments&&...) const {
@@ -290,6 +303,18 @@ private:
                                                                           options, std::move(request));
         subscriber<Contract> made(core); // leaves again if the wait is cancelled
         auto begun = co_await core->begin();
+        begun.value();
+        co_return made;
+    }
+
+    template <class Action>
+    static task<action_run<Action>> begin_run(std::shared_ptr<peer_channel> to, std::string service,
+                                              run_options options, bytes goal) {
+        if (auto misplaced = detail::check_place(*to, {service, nullptr})) throw error(std::move(*misplaced));
+        auto core = std::make_shared<run_core>(detail::subscriptions_of(std::move(to)), std::move(service),
+                                               Action::types(), options, goal);
+        action_run<Action> made(core); // cancels it again if the wait is cancelled
+        auto begun = co_await run_core::start(core);
         begun.value();
         co_return made;
     }

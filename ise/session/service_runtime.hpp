@@ -2,7 +2,9 @@
 #include <ise/core/environment.hpp>
 #include <ise/core/log.hpp>
 #include <ise/core/log_limiter.hpp>
+#include <ise/core/loop.hpp>
 #include <ise/core/task_scope.hpp>
+#include <ise/core/time.hpp>
 #include <ise/net/heartbeat_sender.hpp>
 #include <ise/session/schema_cache.hpp>
 #include <ise/session/service_options.hpp>
@@ -76,6 +78,14 @@ public:
 
     const wire::identity& self() const noexcept { return self_; }
     void set_epoch(std::uint64_t epoch) noexcept { self_.epoch = epoch; }
+    /// What packets bear as the time of their publication: the wall clock, read once a turn.
+    wall_time publication_time() {
+        if (const auto turn = on_.now(); turn != stamped_in_) {
+            stamped_in_ = turn;
+            stamp_ = env_.wall();
+        }
+        return stamp_;
+    }
     /// For people: its path in quotes, or "an unnamed component".
     std::string name_for_people() const;
 
@@ -114,6 +124,8 @@ private:
     std::shared_ptr<net::heartbeat_senders> signs_ = std::make_shared<net::heartbeat_senders>();
     std::array<log_limiter, peer_troubles> troubles_;
     std::deque<ended_subscription> ended_subscriptions_;
+    time_point stamped_in_ = time_point::min(); // the turn in which stamp_ was read
+    wall_time stamp_{};
     bool stopping_ = false;
 };
 

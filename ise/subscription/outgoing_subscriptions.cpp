@@ -75,14 +75,18 @@ result<void> outgoing_subscriptions::on_subscribed(const net::carried_frame& rec
 
 result<void> outgoing_subscriptions::on_packet(const net::carried_frame& received) {
     bytes_view body = received.body;
-    bool skipped = received.header.flags & wire::flag::skipped;
-    if (body.size() < (skipped ? 12u : 8u)) return failure(errc::protocol_error, "a packet came without its sequence");
-    auto sequence = detail::load_little<std::uint64_t>(body.data());
-    auto left_out = skipped ? detail::load_little<std::uint32_t>(body.data() + 8) : 0;
+    const bool skipped = received.header.flags & wire::flag::skipped;
+    const bool stamped = (received.header.flags & wire::flag::stamped) && over_.wire().tells_stamps();
+    const std::size_t head = 8 + (skipped ? 4u : 0u) + (stamped ? 8u : 0u);
+    if (body.size() < head) return failure(errc::protocol_error, "a packet came without its sequence or its time");
+    packet_place place;
+    place.sequence = detail::load_little<std::uint64_t>(body.data());
+    if (skipped) place.skipped = detail::load_little<std::uint32_t>(body.data() + 8);
+    if (stamped) place.published_at = wall_time(duration(detail::load_little<std::int64_t>(body.data() + head - 8)));
     auto found = subscribers_.find(received.header.id);
     if (found == subscribers_.end()) return {};
-    incoming_packet packet(body.subspan(skipped ? 12 : 8), received.object);
-    return found->second->on_packet(sequence, left_out, packet);
+    incoming_packet packet(body.subspan(head), received.object);
+    return found->second->on_packet(place, packet);
 }
 
 result<void> outgoing_subscriptions::on_ended(const net::carried_frame& received) {

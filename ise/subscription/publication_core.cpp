@@ -25,7 +25,7 @@ std::size_t publication_core::subscribers() const noexcept { return all_.size();
 
 shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet) {
     auto& room = maker_.room();
-    room.grow(packet_frame::head_bytes); // is stamped in begin_packet
+    room.grow(packet_frame::head_bytes); // is completed in begin_packet
     write_packet(room);
     if (room.size() > std::numeric_limits<std::uint32_t>::max())
         throw error(errc::too_large,
@@ -35,19 +35,21 @@ shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet) {
 
 void publication_core::begin_packet(published_packet& packet) {
     packet.sequence = sequence_ + 1;
+    packet.published_at = runtime().publication_time();
     if (packet.has_frame) {
-        packet_frame::stamp(shared_bytes_maker::open(packet.frame), packet.frame.size(), usual_id, packet.sequence);
+        packet_frame::complete(shared_bytes_maker::open(packet.frame), packet.frame.size(), usual_id, packet.sequence,
+                               packet.published_at);
     } else if (object_takers < all_.size()) {
-        packet.frame = frame_of(packet.object, packet.sequence);
+        packet.frame = frame_of(packet.object, packet.sequence, packet.published_at);
         packet.has_frame = true;
     }
     ++sequence_;
     ++runtime().counts().packets_published;
 }
 
-shared_bytes publication_core::frame_of(const shared_packet& object, std::uint64_t sequence) {
+shared_bytes publication_core::frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at) {
     auto frame = share([&](buffer& out) { object.write(out); });
-    packet_frame::stamp(shared_bytes_maker::open(frame), frame.size(), usual_id, sequence);
+    packet_frame::complete(shared_bytes_maker::open(frame), frame.size(), usual_id, sequence, published_at);
     return frame;
 }
 
@@ -79,17 +81,19 @@ std::optional<published_packet> publication_core::last_packet(bool as_object) {
     if (!last_) return std::nullopt;
     published_packet made;
     made.sequence = sequence_;
+    made.published_at = last_->published_at;
     if (as_object && last_->object) {
         made.object = last_->object;
         return made;
     }
     try {
-        if (!last_->has_frame) last_->frame = frame_of(last_->object, last_->sequence);
+        if (!last_->has_frame) last_->frame = frame_of(last_->object, last_->sequence, last_->published_at);
         last_->has_frame = made.has_frame = true;
         made.frame = last_->frame;
         if (last_->sequence == sequence_) return made;
         made.frame = share([&](buffer& out) { out.append(last_->frame.view().subspan(packet_frame::head_bytes)); });
-        packet_frame::stamp(shared_bytes_maker::open(made.frame), made.frame.size(), usual_id, sequence_);
+        packet_frame::complete(shared_bytes_maker::open(made.frame), made.frame.size(), usual_id, sequence_,
+                               made.published_at);
         return made;
     } catch (const std::exception& thrown) { // of a packet with functions of its own
         runtime().log().warning(thrown.what(), {{"service", name()}});

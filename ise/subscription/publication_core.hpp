@@ -74,7 +74,7 @@ public:
     bytes unsubscribe(remote_subscriber& who, bytes_view request, const adapter* adapt);
 
     // For its subscribers.
-    shared_bytes frame_of(const shared_packet& object, std::uint64_t sequence) override;
+    shared_bytes frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at) override;
     void room_made() override;
     void began_to_linger(remote_subscriber& who) override;
     void stopped_lingering(remote_subscriber& who) noexcept override { std::erase(lingering_, &who); }

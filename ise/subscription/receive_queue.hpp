@@ -2,6 +2,7 @@
 #include <ise/core/bytes.hpp>
 #include <ise/core/ring.hpp>
 #include <ise/session/carried_packet.hpp>
+#include <ise/subscription/received.hpp>
 
 #include <cstdint>
 
@@ -9,25 +10,28 @@ namespace ise {
 
 /// The published packets that a subscriber has not taken yet, encoded, one behind the other in one buffer: what is
 /// dropped was never decoded, and a burst costs a copy a packet and no allocation. Those that came as objects stand in
-/// the same line. Each knows how many packets were lost before it.
+/// the same line. Each knows how many packets were lost before it, and when it was published.
 class receive_queue {
 public:
     bool empty() const noexcept { return count_ == 0; }
     std::size_t size() const noexcept { return count_; }
 
-    void push(passed_object packet, std::uint64_t lost_before) {
+    void push(passed_object packet, const packet_origin& from) {
         objects_.push_back(std::move(packet));
-        push({}, lost_before, object_mark);
+        push({}, from, object_mark);
     }
-    void push(bytes_view packet, std::uint64_t lost_before) { push(packet, lost_before, 0); }
+    void push(bytes_view packet, const packet_origin& from) { push(packet, from, 0); }
 
     /// The oldest; only where there is one. Valid until the next push or pop; a shared object may be taken out of it.
     incoming_packet front() noexcept {
         if (front_word() & object_mark) return {{}, &objects_.front()};
         return {{content_.data() + begin_ + head_bytes, front_size()}, nullptr};
     }
-    std::uint64_t lost_before_front() const noexcept {
-        return detail::load_little<std::uint64_t>(content_.data() + begin_);
+    packet_origin front_origin() const noexcept {
+        packet_origin from;
+        from.lost_before = detail::load_little<std::uint64_t>(content_.data() + begin_);
+        from.published_at = wall_time(duration(detail::load_little<std::int64_t>(content_.data() + begin_ + 16)));
+        return from;
     }
 
     void pop() noexcept {
@@ -37,18 +41,19 @@ public:
     }
 
 private:
-    void push(bytes_view packet, std::uint64_t lost_before, std::uint64_t mark) {
+    void push(bytes_view packet, const packet_origin& from, std::uint64_t mark) {
         const std::size_t size = head_bytes + packet.size();
         if (content_.capacity() - content_.size() < size) [[unlikely]]
             make_room(size);
         std::byte* at = content_.grow(size);
-        detail::store_little(at, lost_before);
+        detail::store_little(at, from.lost_before);
         detail::store_little(at + 8, packet.size() | mark);
+        detail::store_little(at + 16, static_cast<std::int64_t>(from.published_at.time_since_epoch().count()));
         if (!packet.empty()) std::memcpy(at + head_bytes, packet.data(), packet.size());
         ++count_;
     }
 
-    static constexpr std::size_t head_bytes = 16;
+    static constexpr std::size_t head_bytes = 24;
     static constexpr std::uint64_t object_mark = std::uint64_t{1} << 63;
     std::uint64_t front_word() const noexcept {
         return detail::load_little<std::uint64_t>(content_.data() + begin_ + 8);

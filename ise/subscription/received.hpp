@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/counted.hpp>
+#include <ise/core/time.hpp>
 
 #include <cstdint>
 #include <memory>
@@ -13,7 +14,16 @@ namespace detail {
 // The length of a gap that nobody knows: the provider restarted, or did not know the subscriber any more.
 inline constexpr std::uint64_t unknown_gap = ~std::uint64_t{0};
 
+// Of a packet whose provider does not tell when it published it.
+inline constexpr wall_time no_stamp = wall_time::min();
+
 } // namespace detail
+
+/// What a subscriber learns of a packet beside its content.
+struct packet_origin {
+    std::uint64_t lost_before = 0; ///< or `detail::unknown_gap`
+    wall_time published_at = detail::no_stamp;
+};
 
 /// A published packet as a subscriber receives it: points to a const packet that is shared and never copied; it may be
 /// kept for any time and on any thread. If the publisher is in the same process, it is the packet that was published
@@ -23,8 +33,7 @@ class received {
 public:
     received() = default;
     /// Made by the subscription.
-    received(counted<Packet> packet, std::uint64_t lost_before) noexcept
-        : packet_(std::move(packet)), lost_before_(lost_before) {}
+    received(counted<Packet> packet, const packet_origin& from) noexcept : packet_(std::move(packet)), from_(from) {}
 
     /// Whether there is a packet.
     explicit operator bool() const noexcept { return static_cast<bool>(packet_); }
@@ -49,13 +58,22 @@ public:
     /// The number of packets lost between the previous packet and this one. Empty if it is unknown, after a restart of
     /// the provider.
     std::optional<std::uint64_t> lost_before() const noexcept {
-        if (lost_before_ == detail::unknown_gap) return std::nullopt;
-        return lost_before_;
+        if (from_.lost_before == detail::unknown_gap) return std::nullopt;
+        return from_.lost_before;
     }
+
+    /// When it was published, by the wall clock of the provider's host: the time of the first packet that the provider
+    /// published in the same turn of its loop. Empty if the provider is of a version that does not tell.
+    std::optional<wall_time> published_at() const noexcept {
+        if (from_.published_at == detail::no_stamp) return std::nullopt;
+        return from_.published_at;
+    }
+    /// Both, as the subscription has them.
+    const packet_origin& origin() const noexcept { return from_; }
 
 private:
     counted<Packet> packet_;
-    std::uint64_t lost_before_ = 0;
+    packet_origin from_;
 };
 
 /// Where packets are decoded: into one that nobody holds any more, with the memory that it has, or a new one.

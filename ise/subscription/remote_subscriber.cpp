@@ -18,20 +18,32 @@ using wire::overflow;
 // So much for a lossless subscriber is written at once, before the turn ends.
 constexpr std::size_t written_at_once = 64 * 1024;
 
+// Sequence, skipped packets, time of publication.
+constexpr std::size_t most_head_bytes = 8 + 4 + 8;
+
 // The head of a packet's frame that is put together for one subscriber.
 struct packet_head {
-    packet_head(std::uint64_t id, std::uint64_t sequence, std::uint32_t skipped) {
-        detail::store_little(body.data(), sequence);
-        detail::store_little(body.data() + 8, skipped);
+    packet_head(std::uint64_t id, std::uint64_t sequence, std::uint32_t skipped, bool stamped, wall_time published_at) {
         header.type = wire::frame_type::packet;
-        header.flags = skipped ? wire::flag::skipped : std::uint8_t{0};
         header.id = id;
-        size = skipped ? 12 : 8;
+        detail::store_little(body.data(), sequence);
+        size = 8;
+        if (skipped) {
+            header.flags = wire::flag::skipped;
+            detail::store_little(body.data() + size, skipped);
+            size += 4;
+        }
+        if (stamped) {
+            header.flags |= wire::flag::stamped;
+            detail::store_little(body.data() + size,
+                                 static_cast<std::int64_t>(published_at.time_since_epoch().count()));
+            size += 8;
+        }
     }
     bytes_view view() const noexcept { return bytes_view(body).first(size); }
 
     wire::frame_header header;
-    std::array<std::byte, 12> body;
+    std::array<std::byte, most_head_bytes> body;
     std::size_t size;
 };
 
@@ -75,7 +87,8 @@ void remote_subscriber::write_objects() {
         auto next = queue_.pop(std::numeric_limits<std::size_t>::max());
         next.skipped += std::exchange(carried, 0);
         try {
-            if (next.object) next.frames = group_.frame_of(std::exchange(next.object, {}), next.sequence);
+            if (next.object)
+                next.frames = group_.frame_of(std::exchange(next.object, {}), next.sequence, next.published_at);
             written.push(std::move(next));
         } catch (const std::exception& thrown) {
             group_.runtime().log().warning(thrown.what(), {{"service", group_.name()}, {"peer", info_.peer}});
@@ -242,7 +255,7 @@ bool remote_subscriber::offer(const published_packet& packet) {
                                                        : losses.overrun);
     }
     const auto skipped = std::exchange(skipped_, 0);
-    if (object) queue_.push(packet.object, packet.sequence, skipped);
+    if (object) queue_.push(packet.object, packet.sequence, packet.published_at, skipped);
     else queue_.push(packet.frame, skipped, packet_frame::id_of(packet.frame.view().data()) == id_);
     if (!line_) return true;
     line_->held_bytes() += size + send_queue::item_bytes;
@@ -264,8 +277,8 @@ void remote_subscriber::drop_oldest(std::uint64_t& reason) {
 bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
     const auto& wire = line_->wire();
     const auto largest = wire.terms().peer_accepts.max_message_bytes;
-    // Where none of them can be too large for the peer, nor goes in pieces or beside the stream.
-    const bool together = !wire.lossy() && largest >= shared_bytes_maker::small_bytes;
+    // Where none of them can be too large for the peer, nor goes in pieces or beside the stream, nor without its time.
+    const bool together = !wire.lossy() && wire.tells_stamps() && largest >= shared_bytes_maker::small_bytes;
     std::size_t taken = 0;
     while (!queue_.empty() && may_send() && taken < quantum) {
         const auto& next = queue_.front();
@@ -279,7 +292,7 @@ bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
             out.put_frames(std::move(packets.frames), id_, packets.addressed);
             continue;
         }
-        if (size - packet_frame::head_bytes + 12 > largest) {
+        if (size - packet_frame::head_bytes + most_head_bytes > largest) {
             group_.runtime().tell(
                 peer_trouble::excess,
                 fmt::format(
@@ -301,7 +314,7 @@ bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
 void remote_subscriber::put_object(net::outbox& out) {
     auto next = pop(1);
     if (policy_ == overflow::lossless) keep(next);
-    packet_head head(id_, next.sequence, next.skipped);
+    packet_head head(id_, next.sequence, next.skipped, line_->wire().tells_stamps(), next.published_at);
     out.put_object(head.header, head.view(), next.object.pass());
     ++sent_;
 }
@@ -309,7 +322,9 @@ void remote_subscriber::put_object(net::outbox& out) {
 void remote_subscriber::put_alone(net::outbox& out) {
     auto next = pop(1);
     if (policy_ == overflow::lossless) keep(next);
-    packet_head head(id_, packet_frame::sequence_of(next.frames.view().data()), next.skipped);
+    const auto* frame = next.frames.view().data();
+    packet_head head(id_, packet_frame::sequence_of(frame), next.skipped, line_->wire().tells_stamps(),
+                     packet_frame::published_at(frame));
     out.put_packet(*this, head.header, head.view(), next.frames.behind(packet_frame::head_bytes));
     ++sent_;
 }

@@ -123,7 +123,7 @@ wire::subscribe subscriber_core::terms() const {
     made.credit = capacity() - std::min(queue_.size(), capacity());
     made.min_interval_ns = static_cast<std::uint64_t>(std::max<std::int64_t>(0, options_.min_interval.count()));
     made.last_value = options_.last_value;
-    if (resume_) {
+    if (resume_ && resumes()) {
         made.resume.push_back(*resume_);
         made.resume.back().next_sequence = next_sequence_;
     }
@@ -139,6 +139,7 @@ void subscriber_core::on_sent(subscription_session& over, std::uint64_t id) {
     granted_ = granted_at_first_ = capacity() - std::min(queue_.size(), capacity()); // as terms() said
     held_.clear();
     comparing_ = false;
+    on_sent_to(over.over().wire().terms().peer.incarnation);
 }
 
 result<void> subscriber_core::on_subscribed(wire::subscribed answer) {
@@ -224,7 +225,7 @@ void subscriber_core::establish(const wire::subscribed& answer) {
     }
     answer_.resume();
     held_.release([this](const packet_place& place, incoming_packet packet) {
-        [[maybe_unused]] auto taken = on_packet(place.sequence, place.skipped, packet);
+        [[maybe_unused]] auto taken = on_packet(place, packet);
     });
 }
 
@@ -257,31 +258,35 @@ void subscriber_core::on_session_end(const failure& cause) {
     comparing_ = false;
     held_.clear();
     // The link makes a new session and subscribes again, unless there was only this one.
-    if (!owner_->reconnects()) on_refused(cause);
+    if (owner_->reconnects()) on_session_lost();
+    else on_refused(cause);
 }
 
-result<void> subscriber_core::on_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet) {
+result<void> subscriber_core::on_packet(const packet_place& place, incoming_packet& packet) {
     // The rule: it is the next one, and there is room for it.
-    if (sequence == next_sequence_ && established_ && skipped == 0 && !adapter_ && queue_.size() < capacity())
-        [[likely]] {
+    if (place.sequence == next_sequence_ && established_ && place.skipped == 0 && !adapter_ &&
+        queue_.size() < capacity()) [[likely]] {
         ++next_sequence_;
-        keep(packet);
+        keep(place, packet);
         return {};
     }
-    return on_other_packet(sequence, skipped, packet);
+    return on_other_packet(place, packet);
 }
 
-void subscriber_core::keep(incoming_packet& packet) {
-    const auto lost = std::exchange(lost_before_, 0);
-    if (packet.object()) queue_.push(std::move(*packet.object()), lost);
-    else queue_.push(packet.bytes(), lost);
+void subscriber_core::keep(const packet_place& place, incoming_packet& packet) {
+    packet_origin from;
+    from.lost_before = std::exchange(lost_before_, 0);
+    from.published_at = place.published_at;
+    if (packet.object()) queue_.push(std::move(*packet.object()), from);
+    else queue_.push(packet.bytes(), from);
     ++counts_.received;
     packet_.resume();
 }
 
-result<void> subscriber_core::on_other_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet) {
+result<void> subscriber_core::on_other_packet(const packet_place& place, incoming_packet& packet) {
+    const auto sequence = place.sequence;
+    const auto skipped = place.skipped;
     if (!established_) {
-        const packet_place place{sequence, skipped};
         while (!held_.hold(place, packet)) {
             if (held_.size() == 0) return {}; // it is larger than all that may be held
             held_.drop_oldest();
@@ -321,14 +326,14 @@ result<void> subscriber_core::on_other_packet(std::uint64_t sequence, std::uint3
         try {
             packet.adapt = adapter_.get();
             incoming_packet adapted(packet.bytes(), nullptr);
-            keep(adapted);
+            keep(place, adapted);
         } catch (const error& unreadable) {
             count_undecodable(unreadable);
             lost_before_ = gap_of(lost_before_, 1);
             return {};
         }
     } else {
-        keep(packet);
+        keep(place, packet);
     }
     return {};
 }
@@ -339,15 +344,16 @@ incoming_packet* subscriber_core::waiting_packet() noexcept {
 }
 
 void subscriber_core::drop_oldest() {
-    gap_ = gap_of(gap_of(gap_, queue_.lost_before_front()), 1);
+    gap_ = gap_of(gap_of(gap_, queue_.front_origin().lost_before), 1);
     queue_.pop();
 }
 
-std::uint64_t subscriber_core::take_packet() {
-    auto lost = gap_of(std::exchange(gap_, 0), queue_.lost_before_front());
+packet_origin subscriber_core::take_packet() {
+    auto from = queue_.front_origin();
+    from.lost_before = gap_of(std::exchange(gap_, 0), from.lost_before);
     queue_.pop();
     taken();
-    return lost;
+    return from;
 }
 
 void subscriber_core::drop_undecodable(const error& why) {

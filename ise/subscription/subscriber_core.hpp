@@ -18,6 +18,13 @@ namespace ise {
 class conversation;
 class subscriber_core;
 
+/// What stands before a published packet.
+struct packet_place {
+    std::uint64_t sequence = 0;
+    std::uint32_t skipped = 0;
+    wall_time published_at = detail::no_stamp;
+};
+
 /// A subscriber that left and waits for the provider's answer.
 struct departure {
     explicit departure(loop& on) : answered(on, [this] { answered.resume(); }) {}
@@ -139,7 +146,7 @@ public:
     void on_sent(subscription_session& over, std::uint64_t id);
     result<void> on_subscribed(wire::subscribed answer);
     void on_refused(const failure& why);
-    result<void> on_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet);
+    result<void> on_packet(const packet_place& place, incoming_packet& packet);
     void on_session_end(const failure& cause);
     void on_ended(const failure& why, std::uint64_t lost);
     std::uint64_t id() const noexcept { return id_; }
@@ -152,11 +159,21 @@ protected:
     /// The oldest packet that nobody has taken, as it is published here, or the object; null where there is none. Valid
     /// until it is taken, or anything else arrives.
     incoming_packet* waiting_packet() noexcept;
-    /// It was decoded: takes it, and says how many packets were lost before it.
-    std::uint64_t take_packet();
+    /// It was decoded: takes it, and says how many packets were lost before it, and when it was published.
+    packet_origin take_packet();
     /// It is no such packet: it is lost, and the next one tells of that.
     void drop_undecodable(const error& why);
     waiter<>::operation wait_for_packet() noexcept { return packet_.wait(); }
+    /// Ends it from this side with a cause: unsubscribes.
+    void end_here(const failure& why);
+    /// The subscribe packet, which every subscription over a new session has; may be changed.
+    bytes& request() noexcept { return request_; }
+    /// Whether a new session resumes it by ticket; else it is made anew there, with the subscribe packet.
+    virtual bool resumes() const noexcept { return true; }
+    /// Its session has ended; another one is made.
+    virtual void on_session_lost() {}
+    /// The subscribe packet goes to this life of a provider.
+    virtual void on_sent_to([[maybe_unused]] std::uint64_t incarnation) {}
 
     loop& on_;
     std::shared_ptr<subscription_owner> owner_;
@@ -164,18 +181,13 @@ protected:
     subscribe_options options_;
 
 private:
-    struct packet_place {
-        std::uint64_t sequence;
-        std::uint32_t skipped;
-    };
-    result<void> on_other_packet(std::uint64_t sequence, std::uint32_t skipped, incoming_packet& packet);
-    void keep(incoming_packet& packet);
+    result<void> on_other_packet(const packet_place& place, incoming_packet& packet);
+    void keep(const packet_place& place, incoming_packet& packet);
     void finish(failure why);
     void drop_oldest();
     void count_undecodable(const error& why);
     void taken();
     void refuse_packets(const failure& why);
-    void end_here(const failure& why);
     void adapt_to(const std::vector<schema>& theirs, wire::subscribed& answer);
     void establish(const wire::subscribed& answer);
     std::size_t capacity() const noexcept;

@@ -70,7 +70,7 @@ struct handlers {
     int begun = 0, cancelled = 0;
     bool may_end = false;
 };
-std::shared_ptr<handlers> waiting_helm(party& boat) {
+std::shared_ptr<handlers> waiting_helm(side& boat) {
     auto all = std::make_shared<handlers>();
     boat.provide(helm, [all, &boat](set_mode asked) -> ise::task<mode_set> {
         ++all->begun;
@@ -171,7 +171,7 @@ void loses_its_caller(pair& at, ise::duration deadline) {
 }
 
 // The provider's thread is busy for that long.
-void compute(party& who, ise::duration length) {
+void compute(side& who, ise::duration length) {
     if (who.env.is_virtual()) {
         auto& engine = static_cast<ise::sim::process&>(who.env).host().world().engine();
         engine.advance_to(engine.now() + length);

@@ -76,7 +76,7 @@ void stalled_reader(pair& at) {
 
 ise::task<> count_pictures(ise::remote from, std::shared_ptr<std::uint64_t> told) {
     ise::subscribe_options deep = ise::subscribe_options::last(1000);
-    auto stream = co_await from.subscribe(pictures, deep);
+    auto stream = co_await subscribe_to(from, pictures, deep);
     for (;;) {
         auto packet = co_await stream.next();
         if (!packet) co_return;

@@ -50,8 +50,8 @@ pair::pair(world& with, const tuning& tune)
     : over(with), options_(quick(with.has, tune)), boat(make(with.boat(), "boat")), shore(make(with.shore(), "shore")) {
 }
 
-party pair::make(ise::environment& env, const char* path) const {
-    return party(env, over.loop(env), path, options_, ise::security::load(env, over.credentials).value());
+side pair::make(ise::environment& env, const char* path) const {
+    return side(env, over.loop(env), path, options_, ise::security::load(env, over.credentials).value());
 }
 
 pair::~pair() {
@@ -111,13 +111,13 @@ void pair::strike(fault what) {
     if (what == fault::outage || what == fault::partition) part(false);
 }
 
-party& pair::next_life() {
+side& pair::next_life() {
     close_all(boat, "gone");
     boat.services->stop(std::chrono::milliseconds(100));
     boat.scope.stop();
     run_until([&] { return boat.scope.size() == 0; });
-    reborn = std::make_unique<party>(boat.env, over.loop(boat.env), "boat", options_,
-                                     ise::security::load(boat.env, over.credentials).value());
+    reborn = std::make_unique<side>(boat.env, over.loop(boat.env), "boat", options_,
+                                    ise::security::load(boat.env, over.credentials).value());
     return *reborn;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 #include "odd/odd.hpp"
+#include "sides.hpp"
 #include "transports.hpp"
 
 #include <support/boat_services.hpp>
@@ -59,7 +60,7 @@ public:
     /// The requester is out of reach from now on, or not any more.
     void part(bool apart) { over.part(*between, apart); }
     /// The provider is gone without a word; its next life, which provides nothing yet.
-    party& next_life();
+    side& next_life();
     /// And is reached where the one before was.
     void listen_again();
 
@@ -67,12 +68,12 @@ public:
     const column& has = over.has;
 
 private:
-    party make(ise::environment& env, const char* path) const;
+    side make(ise::environment& env, const char* path) const;
     ise::service_options options_;
 
 public:
-    party boat, shore;
-    std::unique_ptr<party> reborn;
+    side boat, shore;
+    std::unique_ptr<side> reborn;
     std::unique_ptr<relay> between;
     ise::endpoint where; ///< of the provider
     ise::remote there;   ///< the provider, as the requester has it

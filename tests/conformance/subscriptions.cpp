@@ -28,19 +28,19 @@ void in_order_and_counted(pair& at) {
 using watch = ise::subscription<fix, set_mode, mode_set>;
 constexpr watch watched{"watched"};
 
-ise::task<> publish_on(ise::loop& on, ise::publication<watch> to, std::shared_ptr<int> published) {
+ise::task<> publish_on(ise::loop& on, publication<watch> to, std::shared_ptr<int> published) {
     co_await ise::sleep_for(on, 0s);
     for (int i = 0; i < 5; ++i) to(numbered(++*published));
 }
-ise::task<ise::subscriber<watch>> subscribe_watch(ise::remote from) {
+ise::task<subscriber<watch>> subscribe_watch(ise::remote from) {
     ise::subscribe_options later;
     later.last_value = false;
     later.deadline = 1min;
     set_mode asked{"x"};
-    auto made = co_await from.subscribe(watched, asked, later);
+    auto made = co_await subscribe_to(from, watched, std::move(asked), later);
     co_return made;
 }
-ise::task<double> first_of(std::shared_ptr<ise::subscriber<watch>> from) {
+ise::task<double> first_of(std::shared_ptr<subscriber<watch>> from) {
     auto packet = co_await from->next();
     co_return packet->latitude_deg - static_cast<double>(packet.lost_before().value());
 }
@@ -48,7 +48,7 @@ ise::task<double> first_of(std::shared_ptr<ise::subscriber<watch>> from) {
 // The provider publishes while it decides, and goes on at once when it has.
 void answer_first(pair& at) {
     auto published = std::make_shared<int>(0);
-    auto out = std::make_shared<ise::publication<watch>>();
+    auto out = std::make_shared<publication<watch>>();
     ise::publication_callbacks<watch> callbacks;
     callbacks.on_subscribe = [&at, published, own = std::weak_ptr(out)](const set_mode&,
                                                                         const ise::subscriber_info&) -> mode_set {
@@ -61,7 +61,7 @@ void answer_first(pair& at) {
     *out = at.boat.publish(watched, std::move(callbacks));
     at.open();
     for (int round = 1; round <= 10; ++round) {
-        auto got = std::make_shared<ise::subscriber<watch>>(at.run(subscribe_watch(at.there)));
+        auto got = std::make_shared<subscriber<watch>>(at.run(subscribe_watch(at.there)));
         CHECK(got->response().accepted);
         // The first one behind the answer came, or was counted.
         CHECK(at.run(first_of(got)) == std::stod(got->response().reason) + 1);
@@ -117,7 +117,7 @@ ise::task<std::string> rent_and_leave(ise::remote from) {
     ise::subscribe_options options;
     options.deadline = 1min;
     set_mode asked{"x"};
-    auto made = co_await from.subscribe(rented, asked, options);
+    auto made = co_await subscribe_to(from, rented, std::move(asked), options);
     parting said{"fair winds"};
     auto answer = co_await made.leave(said, 1min);
     co_return answer.word;

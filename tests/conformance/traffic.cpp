@@ -8,7 +8,7 @@ namespace conformance {
 
 ise::task<ise::result<mode_set>> try_helm(ise::remote boat, std::string mode, ise::duration limit) {
     set_mode request{std::move(mode)};
-    auto got = co_await boat.try_call(helm, request, limit);
+    auto got = co_await try_call(boat, helm, std::move(request), limit);
     co_return got;
 }
 
@@ -16,7 +16,7 @@ ise::task<ise::result<blob>> try_echo(ise::remote boat, std::size_t size, ise::d
     blob big;
     big.content.resize(size);
     for (std::size_t i = 0; i < size; ++i) big.content[i] = static_cast<std::uint8_t>(i * 7);
-    auto got = co_await boat.try_call(echo, big, limit);
+    auto got = co_await try_call(boat, echo, std::move(big), limit);
     co_return got;
 }
 
@@ -46,15 +46,15 @@ void take(reading& into, const ise::received<fix>& packet) {
     into.gaps.push_back(packet.lost_before());
 }
 
-ise::task<> subscribe(ise::remote from, ise::subscribe_options options, std::shared_ptr<reading> into) {
+ise::task<> begin(ise::remote from, ise::subscribe_options options, std::shared_ptr<reading> into) {
     options.deadline = 10min;
-    auto made = co_await from.subscribe(position, options);
+    auto made = co_await subscribe_to(from, position, options);
     into->stream.emplace(std::move(made));
     into->subscribed = true;
 }
 
 ise::task<> read_on(ise::remote from, ise::subscribe_options options, std::shared_ptr<reading> into) {
-    auto begun = subscribe(from, options, into);
+    auto begun = begin(from, options, into);
     co_await std::move(begun);
     for (;;) {
         auto packet = co_await into->stream->next();
@@ -72,7 +72,7 @@ ise::task<> tick(ise::loop& on, fixes to, ise::duration pause, std::shared_ptr<b
 
 } // namespace
 
-std::shared_ptr<reading> follow(party& by, const ise::remote& from, ise::subscribe_options options) {
+std::shared_ptr<reading> follow(side& by, const ise::remote& from, ise::subscribe_options options) {
     auto into = std::make_shared<reading>();
     by.scope.spawn("reader", read_on(from, options, into));
     return into;
@@ -80,7 +80,7 @@ std::shared_ptr<reading> follow(party& by, const ise::remote& from, ise::subscri
 
 std::shared_ptr<reading> sit(pair& at, ise::subscribe_options options) {
     auto into = std::make_shared<reading>();
-    at.run(subscribe(at.there, options, into));
+    at.run(begin(at.there, options, into));
     return into;
 }
 
@@ -88,7 +88,7 @@ void drain(reading& from) {
     while (auto packet = from.stream->try_next()) take(from, packet);
 }
 
-ticker::ticker(party& by, fixes to, ise::duration pause) { by.scope.spawn("ticker", tick(by.on, to, pause, stopped_)); }
+ticker::ticker(side& by, fixes to, ise::duration pause) { by.scope.spawn("ticker", tick(by.on, to, pause, stopped_)); }
 
 namespace {
 
@@ -97,7 +97,7 @@ struct calls_made : std::enable_shared_from_this<calls_made> {
     std::map<std::string, int> runs;
     std::map<std::string, call> all;
 
-    void provide(party& boat) {
+    void provide(side& boat) {
         boat.provide(helm, [self = shared_from_this(), &boat](set_mode asked) -> ise::task<mode_set> {
             ++self->runs[asked.mode];
             if (asked.mode.back() % 3 == 0) co_await ise::sleep_for(boat.on, 10ms); // these are struck while they run

@@ -13,7 +13,7 @@ using namespace std::chrono_literals;
 using ise::errc;
 using ise::execution;
 
-using fixes = ise::publication<ise::subscription<fix>>;
+using fixes = publication<ise::subscription<fix>>;
 using call = std::shared_ptr<started<ise::result<mode_set>>>;
 
 ise::task<ise::result<mode_set>> try_helm(ise::remote boat, std::string mode, ise::duration limit);
@@ -29,7 +29,7 @@ inline fix numbered(double number) { return fix{number, 0, 0}; }
 struct reading {
     std::vector<double> packets;
     std::vector<std::optional<std::uint64_t>> gaps; ///< lost before each
-    std::optional<ise::subscriber<ise::subscription<fix>>> stream;
+    std::optional<subscriber<ise::subscription<fix>>> stream;
     bool subscribed = false;
 
     bool any() const { return !packets.empty(); }
@@ -40,7 +40,7 @@ struct reading {
     void check_exact() const;
 };
 /// Subscribes and reads on, to the end of the subscription.
-std::shared_ptr<reading> follow(party& by, const ise::remote& from, ise::subscribe_options options);
+std::shared_ptr<reading> follow(side& by, const ise::remote& from, ise::subscribe_options options);
 /// Subscribes, and takes nothing; completes when the provider has committed.
 std::shared_ptr<reading> sit(pair& at, ise::subscribe_options options);
 /// Takes what is there.
@@ -49,7 +49,7 @@ void drain(reading& from);
 /// Publishes numbered packets from 1 on, one every `pause`, until it is stopped.
 class ticker {
 public:
-    ticker(party& by, fixes to, ise::duration pause);
+    ticker(side& by, fixes to, ise::duration pause);
     void stop() { *stopped_ = true; }
 
 private:

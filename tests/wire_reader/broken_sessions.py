@@ -59,6 +59,11 @@ def subscribed(id: int = 1, ticket: int = 1, **fields) -> bytes:
                                         "response": said("yes"), **fields})
 
 
+def stamped(sequence: int, skipped: int | None = None, at: int = 1_500_000_000_000_000_000) -> bytes:
+    head = struct.pack("<Q", sequence) if skipped is None else struct.pack("<QI", sequence, skipped)
+    return encode_frame("packet", 1, head + struct.pack("<q", at) + said("fix"), 2 | (skipped is not None))
+
+
 def packet(sequence: int, id: int = 1, skipped: int | None = None, body: bytes = said("fix")) -> bytes:
     if skipped is None:
         return encode_frame("packet", id, struct.pack("<Q", sequence) + body)
@@ -120,6 +125,7 @@ def keyed_session() -> Session:
 
 CALLED = GREETED + I(introduce(), request())
 SUBSCRIBED = GREETED + I(subscribe()) + R(subscribed())
+STAMPED = I(hello(features=39)) + R(welcome(features=39)) + I(subscribe(min_interval_ns=1)) + R(subscribed())
 
 
 def good_session() -> Session:
@@ -262,6 +268,9 @@ BROKEN: dict[str, tuple[Session, str]] = {
     "a response that is none": (GREETED + I(subscribe()) + R(subscribed(response=b"\1")), "the subscribed packet is no struct"),
     "a short packet": (SUBSCRIBED + R(encode_frame("packet", 1, b"x" * 7)), "at least 8 bytes"),
     "a packet before the answer": (GREETED + I(subscribe()) + R(packet(1)), "the answer precedes the first packet"),
+    "a short stamped packet": (STAMPED + R(encode_frame("packet", 1, b"x" * 15, 2)), "at least 16 bytes"),
+    "a packet without its time": (STAMPED + R(packet(1)), "both sides tell times of publication, and it has none"),
+    "a time that nobody understands": (SUBSCRIBED + R(stamped(1)), "flags 0x2 are not defined"),
     "backwards": (SUBSCRIBED + R(packet(2), packet(2)), "sequence 2 is below the expected 3"),
     "too many skipped": (GREETED + I(subscribe(min_interval_ns=1)) + R(subscribed(), packet(2, skipped=2)), "2 skipped of 1"),
     "lossless that loses": (GREETED + I(subscribe(policy=2, credit=9)) + R(subscribed(), packet(2)), "policy 2 loses nothing"),
@@ -288,6 +297,7 @@ NOTED: dict[str, tuple[Session, str]] = {
     "answers twice": (CALLED + R(*[control("answers", 0, fingerprints=[1, 2])] * 2), "it came before"),
     "needless answers": (CALLED + R(control("answers", 0, fingerprints=[text_print, text_print])), "the one that was introduced"),
     "0 skipped": (GREETED + I(subscribe(min_interval_ns=1)) + R(subscribed(), packet(1, skipped=0)), "0 were skipped"),
+    "a time before 1970": (STAMPED + R(stamped(1), stamped(4, skipped=2, at=-1)), "it was published before 1970"),
     "needless credit": (SUBSCRIBED + I(credit(5)), "only lossless needs credit"),
     "late credit": (GREETED + I(subscribe(policy=2), encode_frame("unsubscribe", 1), credit(5)), "behind unsubscribe"),
 }

@@ -3,8 +3,8 @@ import hmac
 from typing import Any
 
 import schema
-from frames import (CLOCK, CODES, DIGEST, FIRST_PIECE, FLAGS, FLAGS_OVER_DATAGRAMS, FLAGS_WITH_CLOCKS, LONGEST_HANDSHAKE, MAGIC,
-                    NONCE, NUMBERS, SCHEME, TYPES, WITHOUT_ID,
+from frames import (CLOCK, CODES, DIGEST, FIRST_PIECE, FLAGS, FLAGS_OVER_DATAGRAMS, FLAGS_WITH_CLOCKS, FLAGS_WITH_STAMPS, LONGEST_HANDSHAKE, MAGIC,
+                    NONCE, NUMBERS, SCHEME, STAMPS, TYPES, WITHOUT_ID,
                     Frame, encode_frame, prove, read_body)
 from packet import Malformed, decode, to_json
 from recording import SIDES, Chunk, Datagram
@@ -139,6 +139,7 @@ class Checker:
         side.frames[name] = side.frames.get(name, 0) + 1
         known = sum(FLAGS.get(name, {})) | sum(FLAGS_OVER_DATAGRAMS.get(name, {}) if self.datagrams else ())
         known |= sum(FLAGS_WITH_CLOCKS.get(name, {}) if self.has(CLOCK) else ())
+        known |= sum(FLAGS_WITH_STAMPS.get(name, {}) if self.has(STAMPS) else ())
         if frame.type in TYPES:
             self.require(not frame.flags & ~known, side, frame, f"flags {frame.flags:#x} are not defined for it")
         if name in WITHOUT_ID:

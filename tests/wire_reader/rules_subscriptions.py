@@ -3,6 +3,8 @@ import struct
 from dataclasses import dataclass, field
 from typing import Any
 
+from frames import STAMPS
+
 LOSSLESS, DISCONNECT = 2, 3
 
 
@@ -96,12 +98,17 @@ class SubscriptionRules:
     def on_packet(self, side, frame) -> Any:
         out = self.of_provider(side, frame)
         skips = bool(frame.flags & 1)
-        prefix = 12 if skips else 8
+        stamped = self.on.has(STAMPS) and bool(frame.flags & 2)
+        prefix = 8 + 4 * skips + 8 * stamped
         if not self.on.require(len(frame.body) >= prefix, side, frame, f"a packet has at least {prefix} bytes") or not out:
             return None
         sequence = struct.unpack_from("<Q", frame.body)[0]
         skipped = struct.unpack_from("<I", frame.body, 8)[0] if skips else 0
         said = {"sequence": sequence, "skipped": skipped}
+        self.on.require(stamped or not self.on.has(STAMPS), side, frame, "both sides tell times of publication, and it has none")
+        if stamped:
+            said["published_ns"] = struct.unpack_from("<q", frame.body, prefix - 8)[0]
+            self.on.note(said["published_ns"] > 0, side, frame, "it was published before 1970")
         if not self.on.require(out.terms is not None, side, frame, "the answer precedes the first packet"):
             return said
         if not self.on.require(sequence >= out.expected, side, frame, f"sequence {sequence} is below the expected {out.expected}"):

@@ -79,7 +79,7 @@ constexpr const char* here = "bench.here";   // a subscriber has come
 
 std::size_t window_of(const options& asked) { return std::max<std::size_t>(8, (4u << 20) / asked.size_bytes); }
 
-struct progress {
+struct progress_made {
     std::mutex mutex;
     std::condition_variable moved;
     std::vector<std::uint64_t> taken;
@@ -92,7 +92,7 @@ void echo(natsConnection* over, natsSubscription*, natsMsg* got, void*) {
 }
 
 void on_taken(natsConnection*, natsSubscription*, natsMsg* got, void* closure) {
-    auto& all = *static_cast<progress*>(closure);
+    auto& all = *static_cast<progress_made*>(closure);
     unsigned long number = 0, count = 0;
     if (std::sscanf(std::string(natsMsg_GetData(got), static_cast<std::size_t>(natsMsg_GetDataLength(got))).c_str(),
                     "%lu %lu", &number, &count) == 2) {
@@ -104,7 +104,7 @@ void on_taken(natsConnection*, natsSubscription*, natsMsg* got, void* closure) {
 }
 
 void on_here(natsConnection*, natsSubscription*, natsMsg* got, void* closure) {
-    auto& all = *static_cast<progress*>(closure);
+    auto& all = *static_cast<progress_made*>(closure);
     {
         std::lock_guard guard(all.mutex);
         ++all.generation;
@@ -114,7 +114,7 @@ void on_here(natsConnection*, natsSubscription*, natsMsg* got, void* closure) {
     natsMsg_Destroy(got);
 }
 
-void publish(natsConnection* over, const options& asked, progress& all) {
+void publish(natsConnection* over, const options& asked, progress_made& all) {
     std::string packet(asked.size_bytes, 'x');
     const auto window = window_of(asked);
     for (std::uint64_t seen = 0;;) {
@@ -149,7 +149,7 @@ void serve(const options& asked) {
     if (asked.size_bytes > (1u << 20)) throw std::invalid_argument("nats takes payloads up to 1 MiB");
     const auto url = start_server();
     auto* over = connect(url, asked);
-    progress all;
+    progress_made all;
     all.taken.resize(asked.subscribers);
     natsSubscription* listening = nullptr;
     if (asked.work == "call") {

@@ -17,7 +17,7 @@ ise::shared_bytes frame_of(ise::shared_bytes_maker& maker, std::uint64_t sequenc
     std::fill_n(room.grow(packet_frame::head_bytes + size), packet_frame::head_bytes + size,
                 static_cast<std::byte>(sequence));
     auto made = maker.share();
-    packet_frame::stamp(ise::shared_bytes_maker::open(made), made.size(), 7, sequence);
+    packet_frame::complete(ise::shared_bytes_maker::open(made), made.size(), 7, sequence, {});
     return made;
 }
 
