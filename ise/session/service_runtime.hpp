@@ -14,8 +14,13 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 namespace ise {
+
+namespace access {
+class guard;
+}
 
 /// What happened on all sessions of a component since it began.
 struct service_counts {
@@ -94,11 +99,23 @@ public:
     void on_subscription_ended(const std::string& service, const std::string& provider, const failure& why);
     void on_subscribed(const std::string& service, const std::string& provider);
 
+    /// The access policy; null: none, and everything is allowed.
+    access::guard* access() const noexcept { return access_.get(); }
+    /// The identity of this side's credentials; empty: none.
+    const std::string& own_identity() const noexcept { return own_identity_; }
+    /// The names under which it is found, as rules mean it: its path, then its roles.
+    const std::vector<std::string>& titles() const noexcept { return titles_; }
+
     /// Nothing new begins.
     bool stopping() const noexcept { return stopping_; }
 
 protected:
     ~service_runtime() = default;
+    void use_access(std::shared_ptr<access::guard> policy, std::string own) {
+        access_ = std::move(policy);
+        own_identity_ = std::move(own);
+    }
+    void set_titles(std::vector<std::string> titles) { titles_ = std::move(titles); }
     /// False: it was stopping already.
     bool begin_stop() noexcept { return !std::exchange(stopping_, true); }
 
@@ -114,6 +131,9 @@ private:
     std::shared_ptr<net::heartbeat_senders> signs_ = std::make_shared<net::heartbeat_senders>();
     std::array<log_limiter, peer_troubles> troubles_;
     std::deque<ended_subscription> ended_subscriptions_;
+    std::shared_ptr<access::guard> access_;
+    std::string own_identity_;
+    std::vector<std::string> titles_;
     bool stopping_ = false;
 };
 
