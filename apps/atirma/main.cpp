@@ -36,6 +36,10 @@ void add_common(CLI::App& to, common_options& options) {
                   "a file with the shared key of the system; peers without it are refused (default: ISE_KEY)");
     to.add_option("--tls", options.security.tls_folder,
                   "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: ISE_TLS)");
+    to.add_option("--access", options.security.access_file,
+                  "a file with the access policy (default: ISE_ACCESS, else nothing is refused)");
+    to.add_option("--audit", options.security.audit_file,
+                  "a file that gets a line of JSON for each refusal and each change allowed (default: ISE_AUDIT)");
     to.add_flag("--demand-credentials", options.security.demanded,
                 "refuse to listen beyond this host, except with a key or on tls://");
     static const std::map<std::string, ise::log_level> levels{{"debug", ise::log_level::debug},

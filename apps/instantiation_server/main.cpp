@@ -78,6 +78,8 @@ ise::security_options security_of(ise::security_options given, ise::environment&
     };
     whole(given.key_file, "ISE_KEY");
     whole(given.tls_folder, "ISE_TLS");
+    whole(given.access_file, "ISE_ACCESS");
+    whole(given.audit_file, "ISE_AUDIT");
     given.demanded = true; // whoever reaches it can start programs
     return given;
 }
@@ -108,6 +110,8 @@ int run(const settings& wanted) {
     if (!security.key_file.empty()) options.variables.emplace_back("ISE_KEY", security.key_file);
     options.rules.has_certificates = !security.tls_folder.empty();
     if (options.rules.has_certificates) options.variables.emplace_back("ISE_TLS", security.tls_folder);
+    if (!security.access_file.empty()) options.variables.emplace_back("ISE_ACCESS", security.access_file);
+    if (!security.audit_file.empty()) options.variables.emplace_back("ISE_AUDIT", security.audit_file);
     options.max_instances = wanted.instances;
     options.rules.listen_addresses.insert(options.rules.listen_addresses.end(), wanted.addresses.begin(),
                                           wanted.addresses.end());
@@ -195,14 +199,21 @@ int main(int argc, char** argv) {
     app.add_option("--tls", wanted.security.tls_folder,
                    "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")
         ->type_name("FOLDER");
+    app.add_option("--access", wanted.security.access_file,
+                   "a file with the access policy (default: $ISE_ACCESS, else nothing is refused)")
+        ->type_name("FILE");
+    app.add_option("--audit", wanted.security.audit_file,
+                   "a file that gets a line of JSON for each refusal and each change allowed (default: $ISE_AUDIT)")
+        ->type_name("FILE");
     app.add_option("--log-level", wanted.log_level,
                    "minimum level of log lines on stderr: debug, info, warning or error")
         ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
         ->capture_default_str();
     app.set_version_flag("--version", "ise_instantiation_server " ISE_VERSION);
-    app.footer("What it starts gets its key and its folder of certificates in ISE_KEY and ISE_TLS.\nWhen it is killed, "
-               "what it started goes on, and the next one with the same --state takes it over.\n"
-               "Exit codes: 0 ended by a signal, 1 it cannot run or failed, 2 wrong usage.");
+    app.footer(
+        "What it starts gets its credentials and its access policy in ISE_KEY, ISE_TLS, ISE_ACCESS and ISE_AUDIT.\n"
+        "When it is killed, what it started goes on, and the next one with the same --state takes it over.\n"
+        "Exit codes: 0 ended by a signal, 1 it cannot run or failed, 2 wrong usage.");
     try {
         app.parse(argc, argv);
         return run(wanted);

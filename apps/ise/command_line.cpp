@@ -19,7 +19,7 @@ extern const command list_command, describe_command, call_command, echo_command,
     stop_command, restart_command, kill_command, logs_command, ps_command, up_command, down_command, diff_command,
     validate_command, param_command, doctor_command, graph_command, top_command, ping_command, bench_command,
     bw_command, delay_command, tree_command, services_command, types_command, type_command, completion_command,
-    version_command, pub_command, mock_command, run_command;
+    version_command, pub_command, mock_command, run_command, access_command;
 
 namespace {
 
@@ -29,7 +29,7 @@ constexpr const command* all_commands[] = {
     &down_command,     &diff_command,     &validate_command, &param_command,      &doctor_command,  &graph_command,
     &top_command,      &ping_command,     &bench_command,    &bw_command,         &delay_command,   &tree_command,
     &services_command, &types_command,    &type_command,     &completion_command, &version_command, &pub_command,
-    &mock_command,     &run_command};
+    &mock_command,     &run_command,      &access_command};
 
 constexpr const char* exit_codes = R"(Exit codes:
   0    the answer is complete; also when Ctrl-C ended echo, hz, bw, delay, top, pub or mock, or a reader such as head ended
@@ -101,6 +101,9 @@ void add_common_options(CLI::App& app, settings& set) {
     app.add_option("--tls", set.security.tls_folder,
                    "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")
         ->type_name("FOLDER");
+    app.add_option("--access", set.security.access_file,
+                   "a file with the access policy, by which this command knows impostors (default: $ISE_ACCESS)")
+        ->type_name("FILE");
     app.add_option("--as", set.as,
                    "the path under which this command appears to components, such as an operator's; not checked")
         ->type_name("PATH");

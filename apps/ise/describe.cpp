@@ -47,6 +47,7 @@ struct described_session {
     bool peer_stalled = false;
     std::vector<std::string> uses;
     duration round_trip_s{};
+    if_any<std::string> who;
 };
 struct described_wait {
     std::string target;
@@ -112,9 +113,11 @@ description description_of(const component_info& about, const std::string& name,
             made.members->push_back({one.path, one.priority, one.ready, &one == &who.members.front()});
     }
     for (const auto& one : about.services) made.services.push_back(describe_one(one));
-    for (const auto& one : about.sessions)
+    for (const auto& one : about.sessions) {
         made.sessions.push_back(
-            {one.peer, one.bytes_in, one.bytes_out, one.peer_stalled, one.uses, duration(one.round_trip_ns)});
+            {one.peer, one.bytes_in, one.bytes_out, one.peer_stalled, one.uses, duration(one.round_trip_ns), {}});
+        if (!one.who.empty()) made.sessions.back().who = one.who;
+    }
     for (const auto& one : about.waits) {
         made.waits.push_back({one.target, {}, one.stage, show_wall(one.since), one.cause, one.waited});
         if (!one.service.empty()) made.waits.back().service = one.service;
@@ -187,11 +190,12 @@ std::string component_page(const component_info& about, const std::string& name,
     }
 
     if (!about.sessions.empty()) {
-        table rows({"SESSION WITH", "IN", "OUT", "ROUND TRIP"});
+        table rows({"SESSION WITH", "IN", "OUT", "ROUND TRIP", "WHO"});
         for (const auto& one : about.sessions)
             rows.add({one.peer_stalled ? one.peer + " (stalled)" : one.peer, show_bytes(one.bytes_in),
                       show_bytes(one.bytes_out),
-                      one.round_trip_ns > 0 ? show_duration(duration(one.round_trip_ns)) : std::string("-")});
+                      one.round_trip_ns > 0 ? show_duration(duration(one.round_trip_ns)) : std::string("-"),
+                      one.who.empty() ? "-" : one.who});
         page += "\n" + rows.text(width);
     }
     return page;

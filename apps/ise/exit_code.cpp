@@ -8,6 +8,7 @@ exit_code code_of(errc why) noexcept {
         case errc::handler_failed:
         case errc::overloaded:
         case errc::cancelled:
+        case errc::access_denied:
         case errc::unauthorized: return exit_code::failed;
         case errc::type_mismatch:
         case errc::malformed:

@@ -105,6 +105,11 @@ private:
                             holder_of(one.name)));
             return;
         }
+        if (one.why == errc::access_denied) {
+            add(severity_level::error, "access_denied", one.trouble,
+                "ise access list shows the policy of every component; ise access check FILE, what is wrong with one");
+            return;
+        }
         bool away = one.name.host_name != here_ && std::ranges::all_of(one.name.endpoints, is_near);
         add(severity_level::error, "unreachable", one.trouble,
             away ? fmt::format("it listens on addresses of {} only: start it with an endpoint that others reach "

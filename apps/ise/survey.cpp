@@ -56,7 +56,9 @@ task<> ask_some(context from, std::shared_ptr<inquiry> of, bool leases) {
         try {
             co_await look_at(from, one, leases);
         } catch (const problem& why) {
-            one.why = why.name() == ise::name_of(errc::timed_out) ? errc::timed_out : errc::unreachable;
+            one.why = why.name() == ise::name_of(errc::timed_out)       ? errc::timed_out
+                      : why.name() == ise::name_of(errc::access_denied) ? errc::access_denied
+                                                                        : errc::unreachable;
             one.trouble = why.what();
         } catch (const error& why) {
             one.why = why.code();

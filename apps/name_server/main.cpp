@@ -156,6 +156,12 @@ int main(int argc, char** argv) {
     app.add_option("--tls", wanted.security.tls_folder,
                    "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")
         ->type_name("FOLDER");
+    app.add_option("--access", wanted.security.access_file,
+                   "a file with the access policy (default: $ISE_ACCESS, else nothing is refused)")
+        ->type_name("FILE");
+    app.add_option("--audit", wanted.security.audit_file,
+                   "a file that gets a line of JSON for each refusal and each change allowed (default: $ISE_AUDIT)")
+        ->type_name("FILE");
     app.add_flag("--demand-credentials", wanted.security.demanded,
                  "refuse to listen beyond this host, except with a key or on tls://");
     app.add_option("--log-level", wanted.log_level,

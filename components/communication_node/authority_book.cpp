@@ -27,12 +27,14 @@ std::string has_no_path(const std::string& who) {
 
 } // namespace
 
-std::string operator_of(std::string_view caller) {
+std::string operator_of(std::string_view caller, std::string_view who) {
     auto address = caller;
     if (auto at = caller.rfind(" ("); at != caller.npos && caller.ends_with(')')) {
         if (may_hold(caller.substr(0, at))) return std::string(caller.substr(0, at));
         address = caller.substr(at + 2, caller.size() - at - 3);
     }
+    // The identity that a shared key verifies is everybody's.
+    if (who.starts_with("ise://") && !who.ends_with("/key")) return std::string(who);
     const auto* over = ise::transport_of(address);
     if (over && over->address == ise::address_form::file_or_name) // it names the socket, not the caller
         return fmt::format("anonymous@{}", over->scheme);

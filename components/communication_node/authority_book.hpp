@@ -8,8 +8,9 @@
 namespace atirma {
 
 /// The operator behind a caller ("PATH (ADDRESS)", or "ADDRESS"): the path that it claims. Without a valid path:
-/// "anonymous@ADDRESS", which is not a path, and identifies that session only.
-std::string operator_of(std::string_view caller);
+/// the identity that its certificate verifies (`who`: ise://atirma/operator/ana), else "anonymous@ADDRESS", which are
+/// no paths; the latter identifies that session only. An access policy lets a path be claimed only by whose it is.
+std::string operator_of(std::string_view caller, std::string_view who = {});
 
 /// The authority over the boat: its holder, and which changes are permitted; without I/O. Two nodes that cannot reach
 /// each other never grant the same epoch: one grants even ones, the other odd ones; when they meet again, the higher

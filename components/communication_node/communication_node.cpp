@@ -91,10 +91,10 @@ void communication_node::parts::offer_services() {
                  [this](keep_request request) { return telemetry.keep(std::move(request)); });
     self.provide(services::track, [this](track_request request) { return telemetry.track(request); });
     self.provide(services::telecommand, [this](telecommand_request request, const ise::call_context& context) {
-        return telecommands.command(std::move(request), operator_of(context.caller), context.deadline);
+        return telecommands.command(std::move(request), operator_of(context.caller, context.who), context.deadline);
     });
     self.provide(services::authority, [this](authority_request request, const ise::call_context& context) {
-        return authority.change(std::move(request), operator_of(context.caller));
+        return authority.change(std::move(request), operator_of(context.caller, context.who));
     });
     self.provide(services::telecommand_record, [this](record_request request) { return telecommands.record(request); });
     self.provide(services::replication,

@@ -241,6 +241,8 @@ call_context call_service::context_of_call(const call_origin& from, const incomi
     call_context made;
     made.service = name_;
     made.caller = from.caller();
+    made.verified = &from.verified();
+    made.who = made.verified->who;
     made.deadline = call.deadline;
     made.trace = call.trace;
     return made;

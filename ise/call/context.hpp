@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/time.hpp>
+#include <ise/core/verified_peer.hpp>
 
 #include <asio/any_io_executor.hpp>
 
@@ -20,6 +21,8 @@ struct trace_id {
 struct call_context {
     std::string_view service;                ///< the called service
     std::string_view caller;                 ///< the caller's path, or its address if it has none
+    std::string_view who;                    ///< the caller's verified identity (docs/access.md); empty: unknown
+    const verified_peer* verified = nullptr; ///< all that was verified of the caller, while the handler runs
     time_point deadline = time_point::max(); ///< the deadline of the call, on the loop's clock
     trace_id trace;                          ///< the trace of the call
     /// For an exclusive service: the first caller whose request waits for this one. Otherwise empty.

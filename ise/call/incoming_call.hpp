@@ -2,6 +2,7 @@
 #include <ise/call/context.hpp>
 #include <ise/core/error.hpp>
 #include <ise/core/time.hpp>
+#include <ise/core/verified_peer.hpp>
 #include <ise/packet/adapt.hpp>
 #include <ise/session/carried_packet.hpp>
 
@@ -20,6 +21,8 @@ public:
     virtual const std::string& caller() const noexcept = 0;
     /// The caller for people.
     virtual std::string caller_name() const = 0;
+    /// What was verified of the caller.
+    virtual const verified_peer& verified() const noexcept = 0;
     /// Lives on as long as this is held.
     virtual std::shared_ptr<call_origin> held() = 0;
 

@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include <utility>
+
 namespace ise {
 namespace {
 
@@ -23,6 +25,13 @@ struct answer_room {
         return frame;
     }
 };
+
+// Nothing for no identity.
+std::uint64_t mark_of(std::string_view who) noexcept {
+    std::uint64_t hash = 0;
+    for (char one : who) hash = (hash ^ static_cast<unsigned char>(one) ^ 0xcbf29ce484222325) * 0x100000001b3;
+    return hash;
+}
 
 failure replies_not_taken(std::size_t unsent, execution state) {
     return failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (session_bytes)", unsent),
@@ -43,13 +52,45 @@ result<void> incoming_calls::on_introduce(const net::carried_frame& received) {
     auto made = std::make_unique<binding>(held_);
     made->name = std::move(introduced->service);
     bindings_.push_back(std::move(made));
-    bind(*bindings_.back(), introduced->fingerprints);
+    consult(*bindings_.back(), true);
+    if (bindings_.back()->denied) bindings_.back()->introduced = std::move(introduced->fingerprints);
+    else bind(static_cast<std::uint32_t>(bindings_.size() - 1), introduced->fingerprints);
     return {};
+}
+
+// Asks the access policy, once for the session and the service; whoever may not use a service is not told whether it is
+// there.
+void incoming_calls::consult(binding& of, bool note) {
+    if (!over_.runtime().access()) return;
+    of.denied.reset();
+    of.denial_noted = note;
+    if (auto wrong = over_.objection_to_use(service_kind::request_response, of.name, note))
+        of.denied = std::make_unique<failure>(std::move(*wrong));
+    of.audited = !of.denied && over_.audited(of.name);
+}
+
+// The first refusal was noted when the service was introduced.
+void incoming_calls::deny(binding& of, const request_head& head) {
+    if (std::exchange(of.denial_noted, false) == false)
+        (void)over_.objection_to_use(service_kind::request_response, of.name, true);
+    turn_away(head, *of.denied);
+}
+
+void incoming_calls::review() {
+    for (std::uint32_t number = 0; number < bindings_.size(); ++number) {
+        auto& of = *bindings_[number];
+        of.denial_noted = false;
+        consult(of, false);
+        bool unbound = of.now == state::ready && !of.service;
+        if (!of.denied && unbound) bind(number, std::exchange(of.introduced, {}));
+    }
 }
 
 reply_cache& incoming_calls::replies() {
     if (!replies_) {
-        replies_ = answered_.of(over_.peer().reply_key, over_.peer().incarnation, over_.on().now());
+        // What was answered to one identity is not shown to another, whatever it says of itself.
+        auto key = over_.peer().reply_key ^ mark_of(over_.verified().who);
+        replies_ = answered_.of(key, over_.peer().incarnation, over_.on().now());
         self_ = std::shared_ptr<incoming_calls>(over_.shared_from_this(), this);
     }
     return *replies_;
@@ -101,7 +142,9 @@ result<void> incoming_calls::on_request(const net::carried_frame& received) {
     head.deadline =
         until ? time_point(duration(told->time_ns)) : saturating_add(over_.on().now(), duration(told->time_ns));
     auto& of = *bindings_[told->service];
-    if (of.now == state::refused) {
+    if (of.denied) {
+        deny(of, head);
+    } else if (of.now == state::refused) {
         turn_away(head, of.why);
     } else if (of.now == state::comparing) {
         incoming_packet request(packet, received.object);
@@ -116,7 +159,8 @@ result<void> incoming_calls::on_request(const net::carried_frame& received) {
     return {};
 }
 
-void incoming_calls::bind(binding& made, const std::vector<std::uint64_t>& fingerprints) {
+void incoming_calls::bind(std::uint32_t number, const std::vector<std::uint64_t>& fingerprints) {
+    auto& made = *bindings_[number];
     made.service = services_.find_calls(made.name);
     if (!made.service) {
         made.now = state::refused;
@@ -136,9 +180,9 @@ void incoming_calls::bind(binding& made, const std::vector<std::uint64_t>& finge
         // Ahead of every reply, which it overtakes.
         wire::provider_packets told;
         told.fingerprints = ours.fingerprints;
-        over_.send_ahead(wire::frame_type::answers, bindings_.size() - 1, [&](buffer& body) { encode(told, body); });
+        over_.send_ahead(wire::frame_type::answers, number, [&](buffer& body) { encode(told, body); });
     }
-    compare(static_cast<std::uint32_t>(bindings_.size() - 1), fingerprints);
+    compare(number, fingerprints);
 }
 
 void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fingerprints) {
@@ -150,7 +194,8 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
             of.why = std::move(*problem);
         }
         of.held.release([&](const request_head& head, incoming_packet request) {
-            if (of.now == state::ready) serve(of, head, std::move(request));
+            if (of.denied) deny(of, head);
+            else if (of.now == state::ready) serve(of, head, std::move(request));
             else turn_away(head, of.why);
         });
     };
@@ -189,6 +234,7 @@ void incoming_calls::serve(binding& of, const request_head& head, incoming_packe
         return;
     }
     if (head.number != 0 && seen_before(of, head)) return;
+    if (of.audited) over_.note_use(of.name);
     occupy(of, head, false);
     incoming_call call;
     call.id = head.id;

@@ -26,12 +26,15 @@ public:
     result<void> on_request(const net::carried_frame& received);
     void on_cancel(std::uint64_t id);
     void on_session_end();
+    /// The access policy has changed: what is denied now is refused from here on, and what was denied may be served.
+    void review();
 
     /// Answers a request.
     void reply(std::uint64_t id, outgoing_packet response) override;
     void refuse(std::uint64_t id, const failure& why) override;
     const std::string& caller() const noexcept override { return over_.peer_name(); }
     std::string caller_name() const override { return over_.caller_name(); }
+    const verified_peer& verified() const noexcept override { return over_.verified(); }
     std::shared_ptr<call_origin> held() override { return {over_.shared_from_this(), this}; }
     /// Sends an answer that was made before, or for another session: a whole frame, whose id is replaced.
     void send_answer(std::uint64_t id, bytes_view frame);
@@ -59,6 +62,10 @@ private:
         state now = state::ready;
         failure why{errc::no_such_service, {}};
         std::unique_ptr<adapter> request;
+        std::unique_ptr<failure> denied;       // by the access policy
+        std::vector<std::uint64_t> introduced; // as long as that has never allowed it
+        bool denial_noted = false;             // in the audit log, for the next request
+        bool audited = false;
         held_packets<request_head> held; // while it is comparing
     };
     struct running_call {
@@ -69,9 +76,11 @@ private:
         time_point orphaned_until = time_point::max();
     };
 
-    void bind(binding& made, const std::vector<std::uint64_t>& fingerprints);
+    void bind(std::uint32_t number, const std::vector<std::uint64_t>& fingerprints);
     void compare(std::uint32_t number, std::vector<std::uint64_t> fingerprints);
     void turn_away(const request_head& head, failure why);
+    void deny(binding& of, const request_head& head);
+    void consult(binding& of, bool note);
     void forget(std::uint64_t id) noexcept;
     void serve(binding& of, const request_head& head, incoming_packet request);
     bool seen_before(binding& of, const request_head& head);

@@ -1,6 +1,8 @@
 #include <ise/component/component_runner.hpp>
 
+#include <ise/access/guard.hpp>
 #include <ise/call/provide.hpp>
+#include <ise/component/access_services.hpp>
 #include <ise/component/health.hpp>
 #include <ise/core/async_run.hpp>
 #include <ise/core/use_task.hpp>
@@ -86,6 +88,7 @@ component_runner::component_runner(std::weak_ptr<component_owner> of, environmen
     });
     services_->uses().on_change = [this] { services_changed(); };
     report_.path = path_;
+    tell_roles();
     component_->runner_ = this;
     ++share_->unfinished;
 }
@@ -104,6 +107,7 @@ void component_runner::start() {
 }
 
 void component_runner::open() {
+    services_->follow_access();
     if (names_ && name_server_) services_->use_resolver(std::make_shared<name_resolver>(*services_, *name_server_));
     services_->services()
         .add(make_call_service(*services_, describe_service,
@@ -113,6 +117,11 @@ void component_runner::open() {
         .add(make_call_service(*services_, health_service,
                                [this](const health_request&) { return health_of(*services_); }))
         .value();
+    if (services_->access())
+        services_->services()
+            .add(make_call_service(*services_, access_service,
+                                   [this](const access_request&, const call_context& by) { return tell_access(by); }))
+            .value();
     if (options_.listens) {
         auto wanted =
             options_.listen.empty() ? default_endpoints(env_, services_->self().incarnation) : options_.listen;
@@ -254,11 +263,20 @@ void component_runner::serve_role(const std::string& role, std::int32_t priority
         throw error(errc::invalid_argument,
                     fmt::format("'{}' is the component's own name: it is found without being a role", role));
     options_.roles[role] = priority;
+    tell_roles();
     services_changed();
 }
 
+void component_runner::tell_roles() {
+    std::vector<std::string> roles;
+    for (const auto& [role, priority] : options_.roles) roles.push_back(role);
+    services_->serve_as(std::move(roles));
+}
+
 void component_runner::leave_role(const std::string& role) {
-    if (options_.roles.erase(role) != 0) services_changed();
+    if (options_.roles.erase(role) == 0) return;
+    tell_roles();
+    services_changed();
 }
 
 bool component_runner::name_confirmed() const {
@@ -269,6 +287,20 @@ bool component_runner::name_confirmed() const {
 void component_runner::stop_as_failed(std::string why) {
     fail(std::move(why));
     stop();
+}
+
+access_report component_runner::tell_access(const call_context& by) const {
+    auto* guard = services_->access();
+    auto policy = guard->current();
+    access_report made;
+    made.file = policy->file();
+    made.hash = policy->hash();
+    made.read_at = guard->read_at();
+    if (auto broken = guard->broken()) made.problem = broken->message();
+    made.who = services_->own_identity();
+    made.asked_by = by.who;
+    made.rules = policy->rules().size();
+    return made;
 }
 
 component_info component_runner::describe_self() const {
@@ -305,6 +337,7 @@ component_info component_runner::describe_self() const {
         text.round_trip_ns = held->wire().round_trip().count();
         text.peer_stalled = held->wire().peer_stalled();
         text.uses = held->used_services();
+        text.who = held->verified().who;
         made.sessions.push_back(std::move(text));
     }
     const auto& counts = services_->counts();

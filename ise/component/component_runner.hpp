@@ -17,6 +17,8 @@
 
 namespace ise {
 
+struct access_report;
+
 /// Runs one component: its loop, its coroutines, its services, from starting to stopped. Made by a node; everything but
 /// the constructor, `stop()` and what reads atomics happens on the component's loop.
 class component_runner : public std::enable_shared_from_this<component_runner> {
@@ -80,8 +82,10 @@ private:
     task<> enroll(std::shared_ptr<component_runner> self);
     registration describe_for_names() const;
     void services_changed();
+    void tell_roles();
     void lose_name(const failure& why);
     component_info describe_self() const;
+    access_report tell_access(const call_context& by) const;
     void on_child_failure(const std::string& name, std::exception_ptr thrown);
     task<> restart();
     static task<> shut_down(std::shared_ptr<component_runner> self);

@@ -34,6 +34,7 @@ struct session_text {
     std::int64_t round_trip_ns = 0; ///< of the last heartbeat
     bool peer_stalled = false;      ///< the peer is busy, and its node answers for it
     std::vector<std::string> uses;  ///< services of the peer that the component has called over it, or is subscribed to
+    std::string who;                ///< the peer's verified identity; empty: unknown
 };
 
 /// A subscription of the component that ended other than on its request, and was not made again since.

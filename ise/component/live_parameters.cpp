@@ -1,5 +1,6 @@
 #include <ise/component/live_parameters.hpp>
 
+#include <ise/access/guard.hpp>
 #include <ise/component/component.hpp>
 #include <ise/service/service_host.hpp>
 
@@ -17,6 +18,19 @@ T allowed(result<T> what) {
     if constexpr (!std::is_void_v<T>) return *what;
 }
 
+// By the access policy.
+void may_change(const service_host& host, const std::vector<parameter_setting>& wanted, const verified_peer* by) {
+    auto* policy = host.access();
+    if (!policy) return;
+    for (const auto& [name, value] : wanted) {
+        access::request what;
+        what.what = access::action::set;
+        what.targets = host.titles();
+        what.item = name;
+        if (auto denied = policy->objection(by, what, host.self().path)) throw error(std::move(*denied));
+    }
+}
+
 } // namespace
 
 live_parameters::live_parameters(parameter_set set, std::function<void(component&)> changed,
@@ -28,7 +42,10 @@ void live_parameters::offer(service_host& host, component& of) {
     add(make_call_service(host, parameters_service,
                           [this](const parameters_request& asked) { return tell(asked.names); }));
     add(make_call_service(host, change_parameters_service,
-                          [this, &of](const change_parameters_request& asked) { return change(of, asked.settings); }));
+                          [this, &of, &host](const change_parameters_request& asked, const call_context& context) {
+                              may_change(host, asked.settings, context.verified);
+                              return change(of, asked.settings);
+                          }));
 }
 
 parameters_response live_parameters::tell(const std::vector<std::string>& names) const {

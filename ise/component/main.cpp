@@ -52,6 +52,8 @@ bool take_common(program_words& to, const std::string& name, const std::string& 
     } else if (name == "name-server") to.node.name_server = endpoint_of(value);
     else if (name == "key") to.node.security.key_file = value;
     else if (name == "tls") to.node.security.tls_folder = value;
+    else if (name == "access") to.node.security.access_file = value;
+    else if (name == "audit") to.node.security.audit_file = value;
     else if (name == "demand-credentials") to.node.security.demanded = yes_or_no(name, value);
     else if (name == "poll") {
         auto window = parse_poll_window(value);

@@ -27,7 +27,7 @@ std::string parameter_row(const parameter& of, std::size_t column) {
 // Of the options that every type has.
 std::string common_rows() {
     constexpr std::size_t column = 25;
-    const std::array<std::pair<const char*, const char*>, 10> all{{
+    const std::array<std::pair<const char*, const char*>, 12> all{{
         {"--path=PATH", "the name that it registers (default: that of the type)"},
         {"--listen=ENDPOINT", "where it listens; several are allowed (default: in-process, a local socket and a port "
                               "of the loopback interface)"},
@@ -38,6 +38,8 @@ std::string common_rows() {
         {"--log-level=LEVEL", "debug, info, warning or error (default: info)"},
         {"--key=FILE", "a key that both sides of a session prove (default: ISE_KEY)"},
         {"--tls=FOLDER", "with ca.pem, certificate.pem and key.pem, for tls:// (default: ISE_TLS)"},
+        {"--access=FILE", "with the access policy (default: ISE_ACCESS, else nothing is refused)"},
+        {"--audit=FILE", "gets a line of JSON for each refusal and each change allowed (default: ISE_AUDIT)"},
         {"--demand-credentials=yes", "without key or TLS it listens on this host only (default: no)"},
         {"--poll=MICROSECONDS", "how long its thread looks for work before it sleeps (default: ISE_POLL_US, else 0)"},
     }};

@@ -32,6 +32,7 @@ std::string_view name_of(errc code) noexcept {
         case errc::io_failed: return "io_failed";
         case errc::unauthorized: return "unauthorized";
         case errc::not_connected: return "not_connected";
+        case errc::access_denied: return "access_denied";
     }
     return "unknown_error"; // a newer peer's code
 }

@@ -34,6 +34,7 @@ enum class errc : std::uint8_t {
     io_failed = 22,        ///< the operating system reported an error, which is in the message
     unauthorized = 23,     ///< credentials missing or not accepted
     not_connected = 24,    ///< a component's handler has no connection right now; ISE itself does not use it
+    access_denied = 25,    ///< the access policy does not allow it to this identity
 };
 
 /// The category of `std::error_code`s made from `errc`: "ise".
@@ -78,8 +79,8 @@ class error : public std::runtime_error {
 public:
     /// `what()` is the message of the failure.
     explicit error(failure why) : std::runtime_error(why.message()), failure_(std::move(why)) {}
-    /// Thrown from a handler, errc::refused reaches the caller unchanged; any other code becomes errc::handler_failed
-    /// with its text.
+    /// Thrown from a handler, errc::refused and errc::access_denied reach the caller unchanged; any other code becomes
+    /// errc::handler_failed with its text.
     error(errc code, std::string message, execution state = execution::not_executed)
         : error(failure(code, std::move(message), state)) {}
 

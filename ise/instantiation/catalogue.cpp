@@ -39,8 +39,8 @@ bool is_variable(std::string_view text) {
 // Options that every program has.
 bool is_common(std::string_view name) {
     static constexpr std::string_view common[] = {
-        "path", "listen", "advertise", "role",   "name-server", "log-level", "key", "tls", "demand-credentials",
-        "poll", "help",   "describe",  "version"};
+        "path",   "listen", "advertise",          "role", "name-server", "log-level", "key",    "tls",
+        "access", "audit",  "demand-credentials", "poll", "help",        "describe",  "version"};
     return std::ranges::find(common, name) != std::end(common);
 }
 

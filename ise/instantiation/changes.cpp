@@ -1,4 +1,5 @@
 #include <ise/component/parameter_services.hpp>
+#include <ise/instantiation/access.hpp>
 #include <ise/instantiation/changes.hpp>
 #include <ise/instantiation/differences.hpp>
 #include <ise/instantiation/refusal.hpp>
@@ -40,7 +41,7 @@ std::string said(const std::string& message, std::string_view service) {
 
 } // namespace
 
-task<change_response> changes::change(change_request what) {
+task<change_response> changes::change(change_request what, const verified_peer* by) {
     change_response refused;
     auto to = std::move(what.to);
     if (what.undo != 0) {
@@ -51,20 +52,25 @@ task<change_response> changes::change(change_request what) {
         to = *one->former;
     }
     try {
-        auto response = co_await change_to(std::move(to), false);
+        auto response = co_await change_to(std::move(to), false, by);
         co_return response;
     } catch (const error& why) {
-        if (why.code() == errc::refused) throw; // there is no such instance, or it has something against it
+        if (why.code() == errc::access_denied || why.code() == errc::refused)
+            throw; // there is no such instance, or it has something against it
         refused.outcome = refusal(why);
     }
     co_return refused;
 }
 
-task<change_response> changes::change_to(start_request to, bool only_in_place) {
+task<change_response> changes::change_to(start_request to, bool only_in_place, const verified_peer* by) {
     check_wishes(to, here_.options.rules);
     auto wanted = to;
     auto planned = co_await types_.plan(std::move(wanted));
     auto one = table_.at(planned.path);
+    if (!only_in_place) {
+        check_access(here_, by, access::action::stop, planned.path, one->asked.type);
+        check_access(here_, by, access::action::start, planned.path, to.type);
+    }
     shared_.check(to.process, planned.program);
     if (!changing_.insert(planned.path).second)
         throw error(errc::refused, fmt::format("'{}' is being changed already: try again", planned.path));
@@ -127,7 +133,7 @@ task<set_response> changes::set(set_request what) {
     to.arguments = with_settings(std::move(to.arguments), what.settings);
     set_response made;
     try {
-        auto changed = co_await change_to(std::move(to), true);
+        auto changed = co_await change_to(std::move(to), true, nullptr);
         made.instance = changed.outcome.started;
     } catch (const error& why) {
         if (why.code() != errc::invalid_argument) throw;

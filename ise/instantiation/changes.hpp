@@ -20,13 +20,14 @@ public:
     /// Returns how it was changed, or why it was not. errc::refused: there is no such instance, it has something
     /// against it, or the change cannot be undone. Cancellation: terminal; an instance that was being restarted is
     /// ended.
-    task<change_response> change(change_request what);
+    /// errc::access_denied: the access policy does not let `by`, who lives as long as it runs.
+    task<change_response> change(change_request what, const verified_peer* by);
     /// Sets parameters in place. errc::refused with what can be set. Cancellation: terminal; the parameters may have
     /// been set.
     task<set_response> set(set_request what);
 
 private:
-    task<change_response> change_to(start_request to, bool only_in_place);
+    task<change_response> change_to(start_request to, bool only_in_place, const verified_peer* by);
     task<result<void>> set_parameters(instance_ptr one, std::vector<argument> settings);
     void become(const instance_ptr& one, start_request asked, launch_plan plan);
 

@@ -1,3 +1,4 @@
+#include <ise/instantiation/access.hpp>
 #include <ise/instantiation/changes.hpp>
 #include <ise/instantiation/instantiation_server.hpp>
 #include <ise/instantiation/output_feed.hpp>
@@ -53,6 +54,11 @@ struct instantiation_server::parts {
 
 private:
     supervisor::actions actions();
+    // Of an instance; empty: there is none.
+    std::string type_of(const std::string& path) const {
+        auto one = table.find(path);
+        return one ? one->asked.type : std::string();
+    }
 };
 
 instantiation_server::parts::parts(server_context& context, remote name_server)
@@ -79,17 +85,32 @@ supervisor::actions instantiation_server::parts::actions() {
 void instantiation_server::parts::offer_services() {
     auto& self = here.self;
     self.provide(services::types, [this](types_request) { return types.describe(); });
-    self.provide(services::start, [this](start_request request) { return starting.start(std::move(request)); });
-    self.provide(services::restart,
-                 [this](restart_request request) { return starting.restart(std::move(request.path)); });
-    self.provide(services::stop, [this](stop_request request) { return starting.end(std::move(request), false); });
-    self.provide(services::kill, [this](kill_request request) {
+    self.provide(services::start, [this](start_request request, const call_context& by) {
+        return starting.start(std::move(request), by.verified);
+    });
+    self.provide(services::restart, [this](restart_request request, const call_context& by) {
+        auto type = type_of(request.path);
+        check_access(here, by.verified, access::action::stop, request.path, type);
+        check_access(here, by.verified, access::action::start, request.path, type);
+        return starting.restart(std::move(request.path));
+    });
+    self.provide(services::stop, [this](stop_request request, const call_context& by) {
+        check_access(here, by.verified, access::action::stop, request.path, type_of(request.path));
+        return starting.end(std::move(request), false);
+    });
+    self.provide(services::kill, [this](kill_request request, const call_context& by) {
+        check_access(here, by.verified, access::action::stop, request.path, type_of(request.path));
         stop_request at_once;
         at_once.path = std::move(request.path);
         return starting.end(std::move(at_once), true);
     });
-    self.provide(services::set, [this](set_request request) { return changing.set(std::move(request)); });
-    self.provide(services::change, [this](change_request request) { return changing.change(std::move(request)); });
+    self.provide(services::set, [this](set_request request, const call_context& by) {
+        for (const auto& [name, value] : request.settings) check_setting(here, by.verified, request.path, name);
+        return changing.set(std::move(request));
+    });
+    self.provide(services::change, [this](change_request request, const call_context& by) {
+        return changing.change(std::move(request), by.verified);
+    });
     self.provide(services::check, [this](checks_request request) { return checking.check(std::move(request)); });
     self.provide(services::instances, [this](instances_request request) {
         instances_response made;

@@ -1,3 +1,4 @@
+#include <ise/instantiation/access.hpp>
 #include <ise/instantiation/refusal.hpp>
 #include <ise/instantiation/start_checks.hpp>
 #include <ise/instantiation/starts.hpp>
@@ -13,21 +14,23 @@ constexpr std::size_t shown_lines = 12;
 
 } // namespace
 
-task<start_response> starts::start(start_request request) {
+task<start_response> starts::start(start_request request, const verified_peer* by) {
     start_response refused;
     try {
-        auto response = co_await begin(std::move(request));
+        auto response = co_await begin(std::move(request), by);
         co_return response;
     } catch (const error& why) {
+        if (why.code() == errc::access_denied) throw;
         refused = refusal(why);
     }
     co_return refused;
 }
 
-task<start_response> starts::begin(start_request request) {
+task<start_response> starts::begin(start_request request, const verified_peer* by) {
     check_wishes(request, here_.options.rules);
     auto wanted = request;
     auto what = co_await types_.plan(std::move(wanted));
+    check_access(here_, by, access::action::start, what.path, request.type);
     shared_.check(request.process, what.program);
     check_room(what.path);
     check_rate();

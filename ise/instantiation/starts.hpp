@@ -15,7 +15,8 @@ public:
         : here_(here), types_(types), table_(table), instances_(instances), names_(names), shared_(shared) {}
 
     /// Returns when it is ready, or why it is not. Cancellation: terminal; what was being started is ended.
-    task<start_response> start(start_request request);
+    /// errc::access_denied: the access policy does not let `by`, who lives as long as it runs.
+    task<start_response> start(start_request request, const verified_peer* by);
     /// The same with an instance that is known; errc::refused: there is none. Cancellation: as `start`.
     task<start_response> restart(std::string path);
     /// Returns when it has ended. errc::refused: there is no such instance. Cancellation: terminal; it ends all the
@@ -27,7 +28,7 @@ public:
     void check_rate();
 
 private:
-    task<start_response> begin(start_request request);
+    task<start_response> begin(start_request request, const verified_peer* by);
     task<start_response> begin_again(instance_ptr one);
     void check_room(const std::string& path);
 

@@ -1,10 +1,13 @@
 #include <ise/name_server/name_server.hpp>
 
+#include <ise/access/guard.hpp>
 #include <ise/service/service_host.hpp>
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
+#include <vector>
 
 namespace ise {
 namespace {
@@ -43,8 +46,8 @@ task<> name_server::run() {
     registry_ = std::make_unique<registry>(options, services().self().incarnation, now(), wall(), memory_);
     keep_ahead();
 
-    provide(naming::enroll, [this](naming::register_request request) {
-        auto response = registry_->enroll(request, now());
+    provide(naming::enroll, [this](naming::register_request request, const call_context& by) {
+        auto response = enroll(std::move(request), by.verified);
         keep_ahead();
         changed();
         return response;
@@ -106,6 +109,67 @@ task<> name_server::run() {
     tick_ = std::make_unique<timer>(on(), [this] { tick(); });
     tick();
     co_return;
+}
+
+// What the access policy does not let the claimant have is not claimed: a path is refused, a role is left out.
+naming::register_response name_server::enroll(naming::register_request request, const verified_peer* by) {
+    auto* policy = services().access();
+    if (!policy || !by || by->same_process) return registry_->enroll(request, now());
+    struct answer {
+        std::string path, against;
+        bool refused = false;
+    };
+    std::vector<answer> answers;
+    std::vector<naming::component_claim> allowed;
+    for (auto& claim : request.components) {
+        auto& last = answers.emplace_back();
+        last.path = claim.path;
+        auto& known = claimed_[claim.path];
+        const bool news = claim.epoch == 0 || known != claim.roles;
+        access::request what;
+        const std::string path[] = {claim.path};
+        what.what = access::action::name;
+        what.targets = path;
+        if (auto denied = policy->objection(by, what, services().self().path, news)) {
+            last.refused = true;
+            last.against = denied->message();
+            claimed_.erase(claim.path);
+            continue;
+        }
+        known = claim.roles;
+        std::erase_if(claim.roles, [&](const auto& role) {
+            const std::string named[] = {role.first};
+            what.what = access::action::role;
+            what.targets = named;
+            what.priority = role.second;
+            auto denied = policy->objection(by, what, services().self().path, news);
+            if (denied) last.against += (last.against.empty() ? "" : "; ") + denied->message();
+            return denied.has_value();
+        });
+        allowed.push_back(std::move(claim));
+    }
+    if (claimed_.size() > 2 * options_.limits.max_nodes) claimed_.clear(); // told once more, if need be
+    const bool nothing = allowed.empty() && !answers.empty();
+    request.components = std::move(allowed);
+    naming::register_response response;
+    if (!nothing) response = registry_->enroll(request, now());
+    else response.server_incarnation = services().self().incarnation;
+    std::vector<naming::grant> grants;
+    auto next = response.grants.begin();
+    for (auto& one : answers) {
+        if (!one.refused && next != response.grants.end()) {
+            if (next->what == naming::verdict::granted && !one.against.empty()) next->reason = one.against;
+            grants.push_back(std::move(*next++));
+            continue;
+        }
+        naming::grant refused;
+        refused.path = one.path;
+        refused.what = naming::verdict::refused;
+        refused.reason = one.against;
+        grants.push_back(std::move(refused));
+    }
+    response.grants = std::move(grants);
+    return response;
 }
 
 void name_server::tick() {

@@ -44,6 +44,7 @@ public:
 private:
     task<> run() override;
     task<naming::await_response> wait_for(std::string path, std::uint64_t other_than, time_point until);
+    naming::register_response enroll(naming::register_request request, const verified_peer* by);
     /// What every change ends with: watchers hear of it, and those who wait for a name.
     void changed();
     void recall();
@@ -66,7 +67,8 @@ private:
     publication<subscription<naming::name_events, naming::watch_request>> events_;
     std::map<std::uint64_t, watcher> watchers_; // by the subscriber's number
     publication<subscription<naming::role_members, naming::role_request>> role_changes_;
-    std::map<std::uint64_t, std::string> role_watchers_; // by the subscriber's number: the role
+    std::map<std::uint64_t, std::string> role_watchers_;                 // by the subscriber's number: the role
+    std::map<std::string, std::map<std::string, std::int32_t>> claimed_; // paths with roles, as the audit log has them
     bool recovering_ = true;
     std::multimap<std::string, waiter<>*> waiting_; // for names
     std::unique_ptr<timer> tick_;

@@ -4,6 +4,7 @@
 #include <ise/core/result.hpp>
 #include <ise/core/stream.hpp>
 #include <ise/core/task_scope.hpp>
+#include <ise/core/verified_peer.hpp>
 #include <ise/net/heartbeat_sender.hpp>
 #include <ise/net/liveness.hpp>
 #include <ise/net/outbox.hpp>
@@ -32,6 +33,7 @@ struct session_peer {
     std::uint64_t incarnation = 0; ///< one life of the component
     std::uint64_t epoch = 0;       ///< of its name, 0 if none was granted
     std::uint64_t reply_key = 0;   ///< of an initiator: see wire::hello
+    verified_peer verified; ///< what this side has verified of it; without `who`, which is for who has the policy
 
     session_peer() = default;
     explicit session_peer(wire::identity greeted)

@@ -2,6 +2,7 @@
 
 #include <ise/core/limits.hpp>
 #include <ise/core/object_stream.hpp>
+#include <ise/core/verified_peer.hpp>
 #include <ise/net/authentication.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/wire/body.hpp>
@@ -84,6 +85,16 @@ public:
 
     std::uint64_t fitting(std::uint64_t features) const {
         return dynamic_cast<object_stream*>(transport_.get()) ? features | wire::feature::objects : features;
+    }
+
+    /// What the transport knows of the peer, and what the handshake has shown; once it has greeted.
+    verified_peer verified(bool has_key) const {
+        verified_peer made;
+        made.from = peer();
+        made.same_process = dynamic_cast<object_stream*>(transport_.get()) != nullptr;
+        made.has_key = has_key;
+        if (auto* known = dynamic_cast<verified_stream*>(transport_.get())) known->add_verified(made);
+        return made;
     }
 
     authentication& keys() noexcept { return keys_; }
@@ -229,6 +240,7 @@ task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<str
     if (terms.features & wire::feature::clock)
         terms.clock.note(with.sent_at(), time_point(duration(theirs->clock_ns)), came_at);
     terms.peer = session_peer(std::move(theirs->self));
+    terms.peer.verified = with.verified(key != nullptr);
     terms.we_accept = bounded(mine.accepts);
     terms.peer_accepts = with.fitting(bounded(theirs->accepts));
     co_return with.done(on, std::move(terms));
@@ -248,6 +260,7 @@ task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stre
         answer = std::move(*wrong);
     } else {
         auto proved = co_await demand_proof(with, theirs->authentication);
+        if (proved) gate.note(with.verified(key != nullptr));
         answer = proved ? gate.admit(*theirs) : proved.error(); // whoever has no key learns nothing of who is here
     }
     if (!answer) {
@@ -275,6 +288,7 @@ task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stre
     terms.features = answer->features;
     terms.peer = session_peer(std::move(theirs->self));
     terms.peer.reply_key = theirs->reply_key;
+    terms.peer.verified = with.verified(key != nullptr);
     terms.we_accept = bounded(answer->accepts);
     terms.peer_accepts = with.fitting(bounded(theirs->accepts));
     co_return with.done(on, std::move(terms));

@@ -10,6 +10,8 @@ namespace ise::net {
 /// Decides who may come in: looks at a hello and gives the welcome, or the failure that the peer is told.
 class gatekeeper {
 public:
+    /// What was verified of the caller; comes before `admit`.
+    virtual void note([[maybe_unused]] const verified_peer& caller) {}
     virtual result<wire::welcome> admit(const wire::hello& caller) = 0;
 
 protected:

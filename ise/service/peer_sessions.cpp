@@ -1,5 +1,6 @@
 #include <ise/service/peer_sessions.hpp>
 
+#include <ise/access/guard.hpp>
 #include <ise/net/connect.hpp>
 #include <ise/net/handshake.hpp>
 
@@ -48,13 +49,30 @@ wire::hello peer_sessions::greeting_to(const location& whom, const endpoint& at,
 task<result<std::shared_ptr<session>>> peer_sessions::connect(location whom, endpoint at, time_point deadline,
                                                               std::weak_ptr<session_owner> owner) {
     auto& on = shared_.runtime.on();
+    if (credentials_.access && !at.kind->same_process)
+        if (auto broken = credentials_.access->broken()) co_return std::move(*broken);
     auto transport = co_await net::connect_until(on, at, deadline, credentials_);
     if (!transport) co_return transport.error();
     auto hello = greeting_to(whom, at, (*transport)->peer());
     auto greeted =
         co_await net::initiate(on, std::move(*transport), std::move(hello), deadline, credentials_.key.get());
     if (!greeted) co_return greeted.error();
+    if (auto impostor = objection_to_name((*greeted)->terms().peer)) {
+        (*greeted)->close(*impostor);
+        co_return std::move(*impostor);
+    }
     co_return run(std::move(*greeted), std::move(owner));
+}
+
+std::optional<failure> peer_sessions::objection_to_name(const net::session_peer& peer) const {
+    if (!credentials_.access || peer.verified.same_process || peer.path.empty()) return {};
+    auto known = peer.verified;
+    known.who = access::identity_of(known, credentials_.own, credentials_.access->current().get());
+    const std::string named[] = {peer.path};
+    access::request what;
+    what.what = access::action::name;
+    what.targets = named;
+    return credentials_.access->objection(&known, what, shared_.runtime.self().path);
 }
 
 std::shared_ptr<session> peer_sessions::run(std::shared_ptr<net::connection> connection,
@@ -78,6 +96,12 @@ void peer_sessions::forget(session& ended) {
     shared_.runtime.on().later([last = std::move(last)] {});
     if (all_.empty())
         for (auto* told : awaiting_end_) told->resume();
+}
+
+void peer_sessions::review_access() {
+    std::vector<std::shared_ptr<session>> all; // some may end meanwhile
+    for (const auto& [raw, held] : all_) all.push_back(held);
+    for (auto& one : all) one->review_access();
 }
 
 void peer_sessions::finish_all(const failure& why, duration grace) {

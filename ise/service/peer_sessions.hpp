@@ -29,6 +29,9 @@ public:
     /// net::initiate. Cancellation: terminal, nothing is left.
     task<result<std::shared_ptr<session>>> connect(location whom, endpoint at, time_point deadline,
                                                    std::weak_ptr<session_owner> owner);
+    /// What the access policy has against the path that a peer says to have. Nothing: it may have it, or has none, or
+    /// there is no policy.
+    std::optional<failure> objection_to_name(const net::session_peer& peer) const;
     /// Runs a fresh connection as a session.
     std::shared_ptr<session> run(std::shared_ptr<net::connection> connection, std::weak_ptr<session_owner> owner);
 
@@ -37,6 +40,8 @@ public:
     void keep(const session& with, std::shared_ptr<void> what) { kept_[&with] = std::move(what); }
     void release(const session& with) noexcept { kept_.erase(&with); }
 
+    /// Decides anew over all that is allowed.
+    void review_access();
     /// Ends every session, saying why.
     void finish_all(const failure& why, duration grace);
     /// Completes once none is left, or at `limit`. Cancellation: nothing is lost.

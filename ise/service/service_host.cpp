@@ -1,6 +1,12 @@
 #include <ise/service/service_host.hpp>
 
+#include <ise/access/guard.hpp>
+
 #include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+#include <vector>
 
 namespace ise {
 
@@ -9,7 +15,39 @@ service_host::service_host(environment& env, loop& on, task_scope& scope, wire::
     : service_runtime(env, on, scope, std::move(self), options, std::move(log)),
       uses_(*this), links_share_{*this, calls_, peers_, uses_, nullptr}, calls_(on), dispatcher_(schemas()),
       acceptor_(*this, peers_),
-      peers_({*this, calls_, dispatcher_, dispatcher_, reply_windows_}, std::move(credentials)) {}
+      peers_({*this, calls_, dispatcher_, dispatcher_, reply_windows_}, std::move(credentials)) {
+    const auto& own = peers_.credentials();
+    use_access(own.access, own.own);
+    set_titles({this->self().path});
+    if (access()) access_seen_ = access()->version();
+}
+
+void service_host::follow_access() {
+    if (!access() || access_watch_) return;
+    access_watch_ = std::make_unique<timer>(on(), [this] { watch_access(); });
+    watch_access();
+}
+
+// An edit of the policy counts for what exists already.
+void service_host::watch_access() {
+    access()->refresh();
+    auto version = access()->version();
+    if (version != access_seen_) {
+        access_seen_ = version;
+        auto broken = access()->broken();
+        if (broken) log().error(broken->message());
+        else log().info("the access policy was read anew", {{"hash", access()->current()->hash()}});
+        if (!broken) peers_.review_access();
+    }
+    if (access_watch_) access_watch_->arm(saturating_add(on().now(), access::guard::reread_after));
+}
+
+void service_host::serve_as(std::vector<std::string> roles) {
+    roles.insert(roles.begin(), self().path);
+    if (roles == titles()) return;
+    set_titles(std::move(roles));
+    if (access()) peers_.review_access();
+}
 
 service_host::~service_host() { links_share_.names.reset(); }
 
@@ -34,6 +72,7 @@ std::shared_ptr<peer_channel> service_host::link_back(const std::shared_ptr<sess
 
 void service_host::stop(duration grace) {
     if (!begin_stop()) return;
+    access_watch_.reset();
     uses_.stop();
     acceptor_.close();
     dispatcher_.stop();

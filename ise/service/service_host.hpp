@@ -7,6 +7,7 @@
 #include <ise/service/use_book.hpp>
 #include <ise/session/service_runtime.hpp>
 
+#include <cstdint>
 #include <map>
 #include <memory>
 #include <string>
@@ -53,7 +54,14 @@ public:
     void pause(const failure& why, duration grace);
     void go_on() noexcept { acceptor_.go_on(); }
 
+    /// From now on an edit of the access policy counts for sessions that exist, too; where there is a policy.
+    void follow_access();
+    /// The roles that it serves: rules that name one are about it, too.
+    void serve_as(std::vector<std::string> roles);
+
 private:
+    void watch_access();
+
     use_book uses_;
     channel_context links_share_; // before the calls, which keep links
     pending_calls calls_;
@@ -62,6 +70,8 @@ private:
     std::map<std::string, std::weak_ptr<peer_channel>> links_;
     session_acceptor acceptor_; // before the sessions, which hold places of it
     peer_sessions peers_;
+    std::unique_ptr<timer> access_watch_; // where there is a policy
+    std::uint64_t access_seen_ = 0;       // which of its versions
 };
 
 } // namespace ise

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <chrono>
 #include <set>
 
 namespace ise {
@@ -61,6 +62,18 @@ void session::on_closed(const failure& cause) {
     if (incoming_subscriptions_) incoming_subscriptions_->on_session_end();
     if (owner) owner->on_session_end(*this, cause);
     on_over_(*this);
+}
+
+void session::review_access() {
+    if (!open()) return;
+    if (auto revoked = objection_to_session()) {
+        constexpr duration grace = std::chrono::seconds(1); // to take the goodbye
+        runtime().tell(peer_trouble::rejected, fmt::format("a session was ended: {}", revoked->message()), peer_name());
+        finish(std::move(*revoked), grace);
+        return;
+    }
+    incoming_calls_.review();
+    if (incoming_subscriptions_) incoming_subscriptions_->review();
 }
 
 std::vector<std::string> session::used_services() const {

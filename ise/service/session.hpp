@@ -47,6 +47,10 @@ public:
     outgoing_calls& calls() noexcept { return outgoing_calls_; }
     outgoing_subscriptions& subscriptions() noexcept { return outgoing_subscriptions_; }
 
+    /// The access policy, or who this side is for it, has changed: calls that are denied now are refused, subscriptions
+    /// that are denied end, and so does the session of a peer that may not have its path any more.
+    void review_access();
+
     /// The services of the peer that this side has called over it, or is subscribed to; each once, by name.
     std::vector<std::string> used_services() const;
     /// Packets that are held for the peer's subscriptions, in bytes.

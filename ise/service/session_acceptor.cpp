@@ -1,5 +1,6 @@
 #include <ise/service/session_acceptor.hpp>
 
+#include <ise/access/guard.hpp>
 #include <ise/core/real/room_for_sockets.hpp>
 #include <ise/net/bounded_acceptor.hpp>
 #include <ise/net/handshake.hpp>
@@ -29,16 +30,28 @@ public:
         if (of_.sessions_.credentials().key)
             if (auto relayed = net::objection_to_way(caller, reached_, of_.advertised_, of_.runtime_.env()))
                 return std::move(*relayed);
+        if (auto denied = of_.objection(caller, caller_)) return std::move(*denied);
         return of_.admit(caller, peer_, reached_.kind, places_);
     }
+    void note(const verified_peer& caller) override { caller_ = caller; }
     session_places take_places() { return std::move(places_); }
 
 private:
     session_acceptor& of_;
     endpoint reached_;
     std::string peer_;
+    verified_peer caller_;
     session_places places_;
 };
+
+std::optional<failure> session_acceptor::objection(const wire::hello& caller, const verified_peer& as) const {
+    const auto& policy = sessions_.credentials().access;
+    if (!policy || as.same_process) return {};
+    if (auto broken = policy->broken()) return broken;
+    net::session_peer peer(caller.self);
+    peer.verified = as;
+    return sessions_.objection_to_name(peer);
+}
 
 result<wire::welcome> session_acceptor::admit(const wire::hello& caller, const std::string& peer, protocol over,
                                               session_places& into) {
@@ -157,7 +170,8 @@ task<> session_acceptor::greet(std::unique_ptr<stream> stranger, endpoint reache
         if (runtime_.scope().stopping()) co_return;
         auto code = made.error().code();
         bool strange = place->displaced() || broke_rules(code) || code == errc::timed_out ||
-                       code == errc::unauthorized || code == errc::invalid_argument || code == errc::io_failed;
+                       code == errc::unauthorized || code == errc::access_denied || code == errc::invalid_argument ||
+                       code == errc::io_failed;
         auto cause = place->displaced() ? fmt::format("{} had not greeted when its place was needed", peer)
                                         : made.error().message();
         runtime_.tell(strange ? peer_trouble::handshake : peer_trouble::rejected,

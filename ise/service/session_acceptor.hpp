@@ -44,6 +44,8 @@ private:
     void accept_from(const std::shared_ptr<listener>& from);
     void take(net::admitted who, const endpoint& at);
     task<> greet(std::unique_ptr<stream> stranger, endpoint reached, handshake_place place);
+    /// What the access policy has against a caller who says to be that.
+    std::optional<failure> objection(const wire::hello& caller, const verified_peer& as) const;
     /// `into`: the places of the session that is to be made.
     result<wire::welcome> admit(const wire::hello& caller, const std::string& peer, protocol over,
                                 session_places& into);

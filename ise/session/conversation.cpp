@@ -1,10 +1,67 @@
 #include <ise/session/conversation.hpp>
 
+#include <ise/access/guard.hpp>
 #include <ise/core/limits.hpp>
 
 #include <fmt/format.h>
 
 namespace ise {
+
+conversation::conversation(service_runtime& runtime, std::shared_ptr<net::connection> connection)
+    : runtime_(runtime), connection_(std::move(connection)),
+      schemas_(runtime.schemas(), *connection_, runtime.options().session_bytes), verified_(peer().verified),
+      over_(peer().path.empty() ? transport_of(peer_name()) : nullptr) {
+    auto policy = runtime.access() ? runtime.access()->current() : nullptr;
+    verified_.who = access::identity_of(verified_, runtime.own_identity(), policy.get());
+}
+
+conversation::~conversation() = default;
+
+std::optional<failure> conversation::objection_to_use(service_kind kind, const std::string& service, bool note) {
+    auto* guard = runtime_.access();
+    if (!guard || verified_.same_process) return {};
+    if (!view_) view_ = std::make_unique<access::view>(guard->current(), verified_.who);
+    const auto& titles = runtime_.titles();
+    auto what = access::request_for(kind == service_kind::subscription, titles, service);
+    if (what.item.data() != service.data()) { // a service of ISE itself may have a rule of its own
+        auto plain = what;
+        plain.what = kind == service_kind::subscription ? access::action::subscribe : access::action::call;
+        plain.item = service;
+        auto said = view_->decide(plain);
+        if (said.allowed) return {};
+        if (said.denied) what = plain;
+    }
+    return guard->objection(*view_, verified_, what, runtime_.self().path, note);
+}
+
+bool conversation::audited(const std::string& service) const {
+    auto* guard = runtime_.access();
+    return guard && !verified_.same_process && guard->audit().keeps() &&
+           guard->current()->audited(runtime_.titles(), service);
+}
+
+void conversation::note_use(const std::string& service) {
+    auto* guard = runtime_.access();
+    if (!guard || !view_) return;
+    auto what = access::request_for(false, runtime_.titles(), service);
+    guard->note(verified_, what, runtime_.self().path, view_->decide(what));
+}
+
+std::optional<failure> conversation::objection_to_session() {
+    auto* guard = runtime_.access();
+    if (!guard || verified_.same_process) return {};
+    auto policy = guard->current();
+    view_.reset();
+    if (access::identity_of(verified_, runtime_.own_identity(), policy.get()) != verified_.who)
+        return failure(errc::access_denied,
+                       fmt::format("the access policy has another identity for {} now", access::shown(verified_.who)));
+    if (peer().path.empty()) return {};
+    const std::string named[] = {peer().path};
+    access::request what;
+    what.what = access::action::name;
+    what.targets = named;
+    return guard->objection(&verified_, what, runtime_.self().path, false);
+}
 
 std::string conversation::caller_name() const {
     if (!over_ || !over_->same_host) return peer_name();

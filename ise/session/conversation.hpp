@@ -2,6 +2,7 @@
 #include <ise/core/function_ref.hpp>
 #include <ise/core/transport.hpp>
 #include <ise/net/connection.hpp>
+#include <ise/session/contract.hpp>
 #include <ise/session/schema_exchange.hpp>
 #include <ise/session/service_runtime.hpp>
 
@@ -10,6 +11,10 @@
 #include <string>
 
 namespace ise {
+
+namespace access {
+class view;
+}
 
 /// What everything that two components say to each other over one connection shares: the connection, who the peer is,
 /// and the schemas that both sides agree on. Calls and subscriptions are parts above it, which `session` puts together.
@@ -26,6 +31,14 @@ public:
     /// The peer as a caller or subscriber, for people: one without a name shows none of this side's addresses.
     std::string caller_name() const;
     const net::session_peer& peer() const noexcept { return connection_->terms().peer; }
+    /// Who the peer is, as far as this side has verified it.
+    const verified_peer& verified() const noexcept { return verified_; }
+    /// What the access policy has against the peer's use of a service of this side, as a failure for the peer; with
+    /// `note` that is a line of the audit log. Nothing: it is allowed, or there is no policy.
+    std::optional<failure> objection_to_use(service_kind kind, const std::string& service, bool note);
+    /// Whether each use of that service is a line of the audit log.
+    bool audited(const std::string& service) const;
+    void note_use(const std::string& service);
     schema_exchange& schemas() noexcept { return schemas_; }
 
     /// Sends a frame in line with calls and replies.
@@ -39,17 +52,19 @@ public:
     void finish(failure why, duration grace) { connection_->finish(std::move(why), grace); }
 
 protected:
-    conversation(service_runtime& runtime, std::shared_ptr<net::connection> connection)
-        : runtime_(runtime), connection_(std::move(connection)),
-          schemas_(runtime.schemas(), *connection_, runtime.options().session_bytes),
-          over_(peer().path.empty() ? transport_of(peer_name()) : nullptr) {}
-    ~conversation() = default;
+    conversation(service_runtime& runtime, std::shared_ptr<net::connection> connection);
+    ~conversation();
+
+    /// The policy has changed: what it has against the session as such.
+    std::optional<failure> objection_to_session();
 
 private:
     service_runtime& runtime_;
     std::shared_ptr<net::connection> connection_;
     schema_exchange schemas_;
-    const transport* const over_; // of a peer without a name; null: it has one, or the transport is not known
+    verified_peer verified_;
+    std::unique_ptr<access::view> view_; // of the policy by the peer; once it was asked for
+    const transport* const over_;        // of a peer without a name; null: it has one, or the transport is not known
 };
 
 /// Why a peer's introduction of a service cannot be taken, by the limit's name; the session ends over it.

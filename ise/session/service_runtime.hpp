@@ -16,8 +16,13 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 namespace ise {
+
+namespace access {
+class guard;
+}
 
 /// What happened on all sessions of a component since it began.
 struct service_counts {
@@ -104,11 +109,23 @@ public:
     void on_subscription_ended(const std::string& service, const std::string& provider, const failure& why);
     void on_subscribed(const std::string& service, const std::string& provider);
 
+    /// The access policy; null: none, and everything is allowed.
+    access::guard* access() const noexcept { return access_.get(); }
+    /// The identity of this side's credentials; empty: none.
+    const std::string& own_identity() const noexcept { return own_identity_; }
+    /// The names under which it is found, as rules mean it: its path, then its roles.
+    const std::vector<std::string>& titles() const noexcept { return titles_; }
+
     /// Nothing new begins.
     bool stopping() const noexcept { return stopping_; }
 
 protected:
     ~service_runtime() = default;
+    void use_access(std::shared_ptr<access::guard> policy, std::string own) {
+        access_ = std::move(policy);
+        own_identity_ = std::move(own);
+    }
+    void set_titles(std::vector<std::string> titles) { titles_ = std::move(titles); }
     /// False: it was stopping already.
     bool begin_stop() noexcept { return !std::exchange(stopping_, true); }
 
@@ -126,6 +143,9 @@ private:
     std::deque<ended_subscription> ended_subscriptions_;
     time_point stamped_in_ = time_point::min(); // the turn in which stamp_ was read
     wall_time stamp_{};
+    std::shared_ptr<access::guard> access_;
+    std::string own_identity_;
+    std::vector<std::string> titles_;
     bool stopping_ = false;
 };
 

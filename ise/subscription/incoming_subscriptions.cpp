@@ -6,6 +6,9 @@
 
 #include <fmt/format.h>
 
+#include <utility>
+#include <vector>
+
 namespace ise {
 
 using wire::frame_type;
@@ -36,6 +39,10 @@ result<void> incoming_subscriptions::on_subscribe(const net::carried_frame& rece
             failure(errc::invalid_argument,
                     fmt::format("'{}' cannot be subscribed to without loss over udp", terms->service.service)),
             0);
+        return {};
+    }
+    if (auto denied = over().objection_to_use(service_kind::subscription, terms->service.service, true)) {
+        end(id, *denied, 0);
         return {};
     }
     auto publication = services_.find_publication(terms->service.service);
@@ -156,6 +163,19 @@ result<void> incoming_subscriptions::on_credit(const net::carried_frame& receive
     if (found != by_id_.end() && found->second.who)
         found->second.who->grant(detail::load_little<std::uint64_t>(received.body.data()));
     return {};
+}
+
+void incoming_subscriptions::review() {
+    std::vector<std::pair<std::uint64_t, failure>> over_now;
+    for (const auto& [id, one] : by_id_)
+        if (auto denied = over().objection_to_use(service_kind::subscription, one.publication->name(), true))
+            over_now.emplace_back(id, std::move(*denied));
+    for (const auto& [id, why] : over_now) {
+        auto found = by_id_.find(id); // the user's callback may have ended others
+        if (found == by_id_.end()) continue;
+        if (auto* who = found->second.who) found->second.publication->end(*who, why);
+        else end(id, why, 0);
+    }
 }
 
 void incoming_subscriptions::on_session_end() {

@@ -23,6 +23,8 @@ public:
     result<void> on_unsubscribe(const net::carried_frame& received);
     result<void> on_credit(const net::carried_frame& received);
     void on_session_end();
+    /// The access policy has changed: subscriptions that it denies now end.
+    void review();
     void end(std::uint64_t id, const failure& why, std::uint64_t lost) override;
     void forget(std::uint64_t id) noexcept override { by_id_.erase(id); }
     std::size_t size() const noexcept { return by_id_.size(); }

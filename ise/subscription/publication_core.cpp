@@ -236,11 +236,13 @@ result<remote_subscriber*> publication_core::subscribe(subscriber_line& from, co
     if (!terms.resume.empty()) {
         if (terms.resume.front().incarnation == runtime().self().incarnation)
             for (auto& who : all_)
-                if (who.ticket() == terms.resume.front().ticket) return resume(who, terms, takes_objects, answer, lost);
+                if (who.ticket() == terms.resume.front().ticket && who.info().who == from.over().verified().who)
+                    return resume(who, terms, takes_objects, answer, lost);
         if (terms.policy == overflow::lossless) return cannot_resume(terms, lost);
     }
     subscriber_info info;
     info.peer = from.over().peer_name();
+    info.who = from.over().verified().who;
     info.number = next_number_++;
     bytes response;
     if (accept) { // it may publish: who is not accepted yet gets nothing of that but the last value

@@ -72,6 +72,8 @@ public:
     result<remote_subscriber*> subscribe(subscriber_line& from, const wire::subscribe& terms, const adapter* adapt,
                                          bool takes_objects, wire::subscribed& answer, std::uint64_t& lost);
     bytes unsubscribe(remote_subscriber& who, bytes_view request, const adapter* adapt);
+    /// It is told why, and is no subscriber any more.
+    void end(remote_subscriber& who, const failure& why);
 
     // For its subscribers.
     shared_bytes frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at) override;
@@ -84,7 +86,6 @@ private:
     result<remote_subscriber*> resume(remote_subscriber& who, const wire::subscribe& terms, bool takes_objects,
                                       wire::subscribed& answer, std::uint64_t& lost);
     failure cannot_resume(const wire::subscribe& terms, std::uint64_t& lost) const;
-    void end(remote_subscriber& who, const failure& why);
     void drop(remote_subscriber& who);
     subscriber_info take_out(remote_subscriber& who);
     void end_holding_up(time_point since);

@@ -16,6 +16,7 @@ class service_runtime;
 /// Who subscribed, as the provider's callbacks see it.
 struct subscriber_info {
     std::string peer;         ///< its path, or its address
+    std::string who;          ///< its verified identity (docs/access.md); empty: unknown
     std::uint64_t number = 0; ///< of this subscriber within the publication
 };
 

@@ -1,11 +1,22 @@
 #include <ise/transport/security.hpp>
 
+#include <ise/access/guard.hpp>
+#include <ise/core/complain.hpp>
+#include <ise/core/verified_peer.hpp>
 #include <ise/transport/shared_key.hpp>
 #include <ise/transport/tls/identity.hpp>
 
 #include <fmt/format.h>
 
 namespace ise {
+namespace {
+
+result<access::audit_log> audit_of(environment& env, const std::string& file) {
+    if (file.empty() || env.is_virtual()) return access::audit_log();
+    return access::audit_log::open(file, [](const std::string& why) { complain("ise", why); });
+}
+
+} // namespace
 
 result<security> security::load(environment& env, security_options given) {
     auto unless_given = [&env](std::string& to, const char* variable) {
@@ -14,6 +25,8 @@ result<security> security::load(environment& env, security_options given) {
     };
     unless_given(given.key_file, "ISE_KEY");
     unless_given(given.tls_folder, "ISE_TLS");
+    unless_given(given.access_file, "ISE_ACCESS");
+    unless_given(given.audit_file, "ISE_AUDIT");
     security made;
     made.demanded = given.demanded;
     if (auto told = env.variable("ISE_DEMAND_CREDENTIALS"); told && !told->empty()) {
@@ -32,6 +45,28 @@ result<security> security::load(environment& env, security_options given) {
         auto tls = net::tls::identity::load(env, given.tls_folder);
         if (!tls) return failure(tls.error().code(), fmt::format("no TLS (--tls, ISE_TLS): {}", tls.error().message()));
         made.tls = std::move(*tls);
+    }
+    if (!given.access_file.empty()) {
+        auto audit = audit_of(env, given.audit_file);
+        if (!audit)
+            return failure(audit.error().code(),
+                           fmt::format("no audit log (--audit, ISE_AUDIT): {}", audit.error().message()));
+        auto policy = access::guard::load(env, given.access_file, std::move(*audit));
+        if (!policy)
+            return failure(policy.error().code(),
+                           fmt::format("no access policy (--access, ISE_ACCESS): {}", policy.error().message()));
+        made.access = std::move(*policy);
+    } else if (!given.audit_file.empty()) {
+        return failure(errc::invalid_argument, "an audit log (--audit, ISE_AUDIT) needs an access policy (--access, "
+                                               "ISE_ACCESS), whose decisions it holds");
+    }
+    // Of its own process only, so that this is no proof of anything.
+    if (made.tls) made.own = made.tls->who();
+    if (made.own.empty() && made.key) {
+        verified_peer self;
+        self.has_key = true;
+        auto policy = made.access ? made.access->current() : nullptr;
+        made.own = access::identity_of(self, {}, policy.get());
     }
     return made;
 }

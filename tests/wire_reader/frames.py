@@ -25,7 +25,8 @@ CLOCK, STAMPS = 16, 32  # the features
 WITHOUT_ID = {"hello", "welcome", "reject", "challenge", "proof", "goodbye", "schema_request", "schema"}
 CODES = ("refused no_such_service type_mismatch timed_out peer_lost cancelled overloaded handler_failed malformed too_large "
          "protocol_error version_mismatch wrong_peer unreachable no_such_name name_taken name_server_lost superseded "
-         "address_in_use invalid_argument would_block_self io_failed unauthorized not_connected").split()
+         "address_in_use invalid_argument would_block_self io_failed unauthorized not_connected "
+         "access_denied").split()
 MAGIC = 0x31455349
 LONGEST_HANDSHAKE = 16384
 SCHEME = "hmac-sha256"

@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/core/asio_compat.hpp>
 #include <ise/core/stream.hpp>
+#include <ise/core/verified_peer.hpp>
 
 #include <netinet/in.h>
 #include <netinet/tcp.h>
@@ -17,7 +18,7 @@ using compat::as_tuple;
 /// A stream over an Asio object that has `async_read_some`, `async_wait` and `native_handle`: a connected
 /// socket or a serial port.
 template <class Object>
-class descriptor_stream final : public stream {
+class descriptor_stream final : public stream, public verified_stream {
 public:
     descriptor_stream(Object object, std::string peer) : object_(std::move(object)), peer_(std::move(peer)) {}
 
@@ -65,6 +66,17 @@ public:
     }
 
     std::string peer() const override { return peer_; }
+    // Of a local socket the system knows whose process made it.
+    void add_verified([[maybe_unused]] verified_peer& to) const override {
+        if constexpr (is_socket && !requires { object_.local_endpoint().address(); }) {
+            ucred made{};
+            socklen_t size = sizeof made;
+            // The handle of an Asio object is asked for by a member that is not const.
+            auto handle = const_cast<Object&>(object_).native_handle();
+            if (::getsockopt(handle, SOL_SOCKET, SO_PEERCRED, &made, &size) == 0 && size == sizeof made)
+                to.user = made.uid;
+        }
+    }
     std::optional<endpoint> local() const override {
         if constexpr (requires { object_.local_endpoint().address(); }) {
             std::error_code problem;

@@ -1,5 +1,6 @@
 #include <ise/transport/tls/identity.hpp>
 
+#include <ise/transport/tls/subject.hpp>
 #include <ise/transport/tls/verdict.hpp>
 
 #include <fmt/format.h>
@@ -117,6 +118,8 @@ result<std::shared_ptr<ssl_ctx_st>> identity::build(const files& from) {
     if (SSL_CTX_use_certificate(to, own.front().get()) != 1) return wrong("certificate.pem", cause());
     for (std::size_t at = 1; at < own.size(); ++at)
         if (SSL_CTX_add1_chain_cert(to, own[at].get()) != 1) return wrong("certificate.pem", cause());
+    auto about = subject_of(*own.front());
+    if (!about) return wrong("certificate.pem", about.error().message());
     private_key key(PEM_read_bio_PrivateKey(over(from.key).get(), nullptr, no_passphrase, nullptr));
     if (!key) return wrong("key.pem", fmt::format("{} (it must be a private key without a passphrase)", cause()));
     if (SSL_CTX_use_PrivateKey(to, key.get()) != 1)
@@ -138,6 +141,7 @@ result<std::shared_ptr<ssl_ctx_st>> identity::build(const files& from) {
     if (count == 0 && knows_revoked_) return wrong("ca.pem", "it had a revocation list before, and has none now");
     if (count > 0) X509_STORE_set_flags(store, X509_V_FLAG_CRL_CHECK | X509_V_FLAG_CRL_CHECK_ALL);
     knows_revoked_ = count > 0;
+    who_ = std::move(about->identity);
     return std::shared_ptr<ssl_ctx_st>(std::move(made));
 }
 

@@ -26,6 +26,12 @@ public:
     /// the error: what was revoked meanwhile is not let in.
     result<std::shared_ptr<ssl_ctx_st>> context(environment& env);
 
+    /// The identity in its own certificate (`ise://SYSTEM/NAME`); empty: it has none.
+    std::string who() const {
+        std::lock_guard lock(mutex_);
+        return who_;
+    }
+
 private:
     struct files {
         std::string authorities, certificate, key;
@@ -38,9 +44,10 @@ private:
     result<std::shared_ptr<ssl_ctx_st>> build(const files& from);
 
     const std::string folder_;
-    std::mutex mutex_;
+    mutable std::mutex mutex_;
     files seen_;
     std::shared_ptr<ssl_ctx_st> made_;
+    std::string who_;
     bool knows_revoked_ = false;
     time_point read_at_{};
 };

@@ -1,5 +1,7 @@
 #include <ise/transport/tls/stream.hpp>
 
+#include <ise/core/verified_peer.hpp>
+#include <ise/transport/tls/subject.hpp>
 #include <ise/transport/tls/verdict.hpp>
 
 #include <fmt/format.h>
@@ -40,7 +42,7 @@ std::error_code made(trouble what) {
     return {static_cast<int>(what), category};
 }
 
-class tls_stream final : public stream {
+class tls_stream final : public stream, public verified_stream {
 public:
     tls_stream(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with, std::string host)
         : on_(on), below_(std::move(below)), with_(std::move(with)), host_(std::move(host)) {
@@ -59,6 +61,12 @@ public:
     void shutdown_write() override;
     void close() override { below_->close(); }
     std::string peer() const override { return peer_; }
+    void add_verified(verified_peer& to) const override {
+        std::lock_guard lock(mutex_);
+        if (!greeted_) return;
+        to.certificate = shown_.identity;
+        to.serial = shown_.serial;
+    }
     std::optional<failure> verdict() const override {
         std::lock_guard lock(mutex_);
         return verdict_;
@@ -90,12 +98,24 @@ private:
     bool owed_ = false;
     std::error_code broken_;
     std::optional<failure> verdict_;
+    subject shown_; // whom the peer's certificate is about
 };
 
 int tls_stream::on_certificate(int good, X509_STORE_CTX* check) {
-    if (good) return 1;
     auto* tls = static_cast<SSL*>(X509_STORE_CTX_get_ex_data(check, SSL_get_ex_data_X509_STORE_CTX_idx()));
     auto* self = static_cast<tls_stream*>(SSL_get_app_data(tls));
+    if (good) {
+        auto* about = X509_STORE_CTX_get_current_cert(check);
+        if (!about || X509_STORE_CTX_get_error_depth(check) != 0) return 1;
+        auto whom = subject_of(*about);
+        if (whom) {
+            self->shown_ = std::move(*whom);
+            return 1;
+        }
+        self->verdict_ = whom.error();
+        X509_STORE_CTX_set_error(check, X509_V_ERR_APPLICATION_VERIFICATION);
+        return 0;
+    }
     self->verdict_.emplace(errc::unauthorized, objection(*check, self->host_)); // within step(), which holds the mutex
     return 0;
 }

@@ -1,0 +1,96 @@
+#include <ise/access/audit.hpp>
+
+#include <ise/core/real/line_file.hpp>
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <ctime>
+#include <iterator>
+#include <utility>
+
+namespace ise::access {
+namespace {
+
+// What peers wrote goes into it: nothing of it ends a line or a text.
+void put_text(std::string& to, std::string_view name, std::string_view text) {
+    fmt::format_to(std::back_inserter(to), "\"{}\":\"", name);
+    for (char one : text) {
+        auto letter = static_cast<unsigned char>(one);
+        if (letter == '"' || letter == '\\') {
+            to += '\\';
+            to += one;
+        } else if (letter < 0x20 || letter >= 0x7f) {
+            fmt::format_to(std::back_inserter(to), "\\u{:04x}", letter);
+        } else {
+            to += one;
+        }
+    }
+    to += "\",";
+}
+
+std::string time_of(wall_time at) {
+    auto seconds = std::chrono::floor<std::chrono::seconds>(at);
+    auto milliseconds = std::chrono::duration_cast<std::chrono::milliseconds>(at - seconds).count();
+    std::time_t whole = seconds.time_since_epoch().count();
+    std::tm parts{};
+    ::gmtime_r(&whole, &parts);
+    return fmt::format("{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:03}Z", parts.tm_year + 1900, parts.tm_mon + 1,
+                       parts.tm_mday, parts.tm_hour, parts.tm_min, parts.tm_sec, milliseconds);
+}
+
+} // namespace
+
+std::string json_of(const audit_entry& entry, std::uint64_t left_out) {
+    std::string made = "{";
+    put_text(made, "at", time_of(entry.at));
+    put_text(made, "who", entry.who);
+    put_text(made, "serial", entry.serial);
+    put_text(made, "from", entry.from);
+    put_text(made, "component", entry.component);
+    put_text(made, "what", entry.what);
+    put_text(made, "verdict", entry.allowed ? "allowed" : "denied");
+    put_text(made, "rule", entry.rule);
+    fmt::format_to(std::back_inserter(made), "\"left_out\":{}}}", left_out);
+    return made;
+}
+
+struct audit_log::state {
+    std::mutex mutex;
+    sink to;
+    std::chrono::time_point<std::chrono::system_clock, std::chrono::seconds> second{}; // of the refusals counted
+    unsigned refusals = 0;
+    std::uint64_t left_out = 0;
+};
+
+audit_log::audit_log(sink to) : state_(std::make_shared<state>()) { state_->to = std::move(to); }
+
+result<audit_log> audit_log::open(const std::string& file, std::function<void(const std::string&)> complain) {
+    auto opened = line_file::open(file);
+    if (!opened) return opened.error();
+    auto told = std::make_shared<bool>(false);
+    return audit_log([to = std::move(*opened), complain = std::move(complain), told](const std::string& line) {
+        auto written = to->append(line);
+        bool failed = !written;
+        if (failed && !*told) complain(fmt::format("the audit log: {}", written.error().message()));
+        *told = failed;
+    });
+}
+
+void audit_log::keep(const audit_entry& entry) const {
+    if (!state_) return;
+    std::lock_guard lock(state_->mutex);
+    auto second = std::chrono::floor<std::chrono::seconds>(
+        std::chrono::time_point_cast<std::chrono::system_clock::duration>(entry.at));
+    if (second != state_->second) {
+        state_->second = second;
+        state_->refusals = 0;
+    }
+    if (!entry.allowed && ++state_->refusals > most_refusals) {
+        ++state_->left_out;
+        return;
+    }
+    state_->to(json_of(entry, std::exchange(state_->left_out, 0)));
+}
+
+} // namespace ise::access

@@ -1,0 +1,37 @@
+#include <ise/instantiation/access.hpp>
+
+#include <ise/access/guard.hpp>
+#include <ise/service/service_host.hpp>
+
+namespace ise::instantiation {
+namespace {
+
+void check(server_context& here, const verified_peer* by, access::request what, const std::string& path) {
+    auto* policy = here.self.services().access();
+    if (!policy) return;
+    const std::string named[] = {path};
+    what.targets = named;
+    if (auto denied = policy->objection(by, what, here.self.path())) throw error(std::move(*denied));
+}
+
+} // namespace
+
+void check_access(server_context& here, const verified_peer* by, access::action what, const std::string& path,
+                  const std::string& type) {
+    access::request wanted;
+    wanted.what = what;
+    wanted.host = here.self.path(); // ise/host/shore
+    wanted.host.remove_prefix(wanted.host.rfind('/') + 1);
+    wanted.type = type;
+    check(here, by, wanted, path);
+}
+
+void check_setting(server_context& here, const verified_peer* by, const std::string& path,
+                   const std::string& parameter) {
+    access::request wanted;
+    wanted.what = access::action::set;
+    wanted.item = parameter;
+    check(here, by, wanted, path);
+}
+
+} // namespace ise::instantiation

@@ -1,0 +1,17 @@
+#pragma once
+#include <ise/access/policy.hpp>
+#include <ise/instantiation/server_context.hpp>
+
+#include <string>
+
+namespace ise::instantiation {
+
+/// Throws errc::access_denied where the access policy does not let `by` start or stop that here; either is a line of
+/// the audit log. `type`: empty where it is not known.
+void check_access(server_context& here, const verified_peer* by, access::action what, const std::string& path,
+                  const std::string& type);
+/// The same for a parameter of a component.
+void check_setting(server_context& here, const verified_peer* by, const std::string& path,
+                   const std::string& parameter);
+
+} // namespace ise::instantiation

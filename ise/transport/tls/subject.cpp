@@ -1,0 +1,58 @@
+#include <ise/transport/tls/subject.hpp>
+
+#include <ise/access/policy.hpp>
+
+#include <fmt/format.h>
+
+#include <openssl/bn.h>
+#include <openssl/crypto.h>
+#include <openssl/x509v3.h>
+
+#include <memory>
+#include <string_view>
+
+namespace ise::net::tls {
+namespace {
+
+constexpr std::string_view scheme = "ise://";
+
+std::string serial_of(const x509_st& of) {
+    std::unique_ptr<BIGNUM, decltype(&BN_free)> number(ASN1_INTEGER_to_BN(X509_get0_serialNumber(&of), nullptr),
+                                                       BN_free);
+    if (!number) return {};
+    char* text = BN_bn2hex(number.get());
+    std::string made = text ? text : "";
+    OPENSSL_free(text);
+    return made;
+}
+
+} // namespace
+
+result<subject> subject_of(x509_st& certificate) {
+    subject made;
+    made.serial = serial_of(certificate);
+    auto* found = static_cast<GENERAL_NAMES*>(X509_get_ext_d2i(&certificate, NID_subject_alt_name, nullptr, nullptr));
+    std::unique_ptr<GENERAL_NAMES, decltype(&GENERAL_NAMES_free)> names(found, GENERAL_NAMES_free);
+    std::string identity;
+    int identities = 0;
+    for (int at = 0; names && at < sk_GENERAL_NAME_num(names.get()); ++at) {
+        const auto* one = sk_GENERAL_NAME_value(names.get(), at);
+        if (one->type != GEN_URI) continue;
+        ++identities;
+        const auto* text = one->d.uniformResourceIdentifier;
+        // By its length: it may hold a zero.
+        identity.assign(reinterpret_cast<const char*>(ASN1_STRING_get0_data(text)),
+                        static_cast<std::size_t>(ASN1_STRING_length(text)));
+    }
+    if (identities > 1)
+        return failure(
+            errc::unauthorized,
+            fmt::format("its certificate has {} URIs, and so {} identities: one is allowed", identities, identities));
+    if (!std::string_view(identity).starts_with(scheme)) return made;
+    if (auto good = access::check_identity(identity); !good)
+        return failure(errc::unauthorized, "its certificate: " + good.error().message());
+    made.identity = std::move(identity);
+    return made;
+}
+
+} // namespace ise::net::tls

@@ -1,0 +1,209 @@
+// apps/atirma/access.toml: every service of A-Tirma and of ISE × whoever may ask for it. The cells are written down
+// here on their own, not derived from the file.
+#include <ise/access/policy.hpp>
+#include <support/catch.hpp>
+#include <test_folders.hpp>
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <memory>
+#include <regex>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace atirma_access_test {
+
+using namespace ise::access;
+
+namespace {
+
+std::string text_of_file(const std::filesystem::path& path) {
+    std::ifstream in(path);
+    return {std::istreambuf_iterator<char>(in), {}};
+}
+
+std::shared_ptr<const policy> atirma() {
+    std::vector<remark> problems;
+    auto made = policy::parse(text_of_file(std::filesystem::path(ISE_SOURCE_DIR) / "apps/atirma/access.toml"),
+                              "access.toml", problems);
+    for (const auto& one : problems) UNSCOPED_INFO(one.line << ": " << one.text);
+    REQUIRE(made);
+    return made;
+}
+
+struct column {
+    char letter;
+    const char* who; // as verified
+};
+constexpr column columns[] = {{'n', ""},
+                              {'w', "ise://atirma/web"},
+                              {'o', "ise://atirma/operator/ana"},
+                              {'s', "ise://atirma/shore"},
+                              {'k', "ise://atirma/key"},
+                              {'b', "ise://atirma/boat"}};
+
+struct row {
+    std::vector<std::string> titles; // path and roles of the provider
+    bool subscription;
+    const char* service;
+    std::string_view may; // letters of columns
+};
+
+const std::vector<std::string> node = {"atirma/shore/node", "atirma/communication"}, xbee = {"atirma/shore/xbee"},
+                               gprs = {"atirma/shore/gprs"}, iridium = {"atirma/shore/iridium"}, boat = {"atirma/boat"},
+                               air = {"atirma/air"}, carrier = {"atirma/carrier"}, modem = {"atirma/modem"},
+                               gateway = {"atirma/gateway"}, bridge = {"atirma/bridge"}, page = {"atirma/page"},
+                               names = {"ise/name_server"}, host = {"ise/host/shore"};
+
+const std::vector<row>& matrix() {
+    static const std::vector<row> all = {
+        {node, true, "telemetry", "wos"},
+        {node, false, "telemetry_store", "s"},
+        {node, false, "track", "wo"},
+        {node, true, "communication_state", "os"},
+        {node, false, "telecommand", "os"},
+        {node, true, "telecommand_state", "os"},
+        {node, false, "telecommand_record", "o"},
+        {node, false, "authority", "o"},
+        {node, true, "authority_state", "os"},
+        {node, false, "replication", "s"},
+        {xbee, true, "telemetry", "wos"},
+        {xbee, false, "telecommand", "s"},
+        {xbee, true, "telecommand_state", "os"},
+        {xbee, false, "telecommand_recall", "s"},
+        {xbee, true, "xb_local", "o"},
+        {xbee, false, "xb_local_param", "o"},
+        {gprs, true, "telemetry", "wos"},
+        {gprs, false, "telecommand", "s"},
+        {gprs, false, "telecommand_recall", "s"},
+        {gprs, true, "gprs_state", "o"},
+        {iridium, true, "telemetry", "wos"},
+        {iridium, false, "telecommand", "s"},
+        {iridium, false, "telecommand_recall", "s"},
+        {iridium, true, "iridium_account", "o"},
+        {boat, false, "scene", ""},
+        {boat, true, "ground_truth", "sb"},
+        {air, false, "air_control", ""},
+        {air, true, "air", ""},
+        {carrier, false, "carrier_control", ""},
+        {carrier, true, "carrier", ""},
+        {modem, false, "iridium_sky_control", ""},
+        {modem, true, "iridium_sky", ""},
+        {gateway, false, "sbd_session", "sb"},
+        {gateway, true, "sbd_ring", "sb"},
+        {gateway, false, "iridium_gateway_control", ""},
+        {gateway, true, "iridium_gateway_status", ""},
+        {bridge, true, "bridge", "o"},
+        // Of ISE itself.
+        {node, false, "ise.describe", "osb"},
+        {node, false, "ise.health", "osb"},
+        {node, false, "ise.parameters", "osb"},
+        {node, false, "ise.access", "osb"},
+        {xbee, false, "ise.change_parameters", "os"},
+        {boat, false, "ise.change_parameters", "b"},
+        {page, false, "ise.change_parameters", ""},
+        {names, false, "ise.describe", "osb"},
+        {names, false, "ise.names.register", "wosb"},
+        {names, false, "ise.names.renew", "wosb"},
+        {names, false, "ise.names.withdraw", "wosb"},
+        {names, false, "ise.names.ended", "wosb"},
+        {names, false, "ise.names.resolve", "wosb"},
+        {names, false, "ise.names.await", "wosb"},
+        {names, false, "ise.names.list", "wosb"},
+        {names, false, "ise.names.describe", "wosb"},
+        {names, false, "ise.names.lost", "wosb"},
+        {names, true, "ise.names.watch", "wosb"},
+        {names, true, "ise.names.role", "wosb"},
+        {host, false, "ise.host.types", "os"},
+        {host, false, "ise.host.instances", "os"},
+        {host, false, "ise.host.check", "os"},
+        {host, false, "ise.host.output", "os"},
+        {host, true, "ise.host.output_follow", "os"},
+        {host, true, "ise.host.events", "os"},
+        {host, false, "ise.host.start", "o"},
+        {host, false, "ise.host.restart", "o"},
+        {host, false, "ise.host.change", "o"},
+        {host, false, "ise.host.stop", "o"},
+        {host, false, "ise.host.kill", "o"},
+        {host, false, "ise.host.set", "osb"}, // of what, is asked there
+    };
+    return all;
+}
+
+} // namespace
+
+TEST_CASE("access: A-Tirma's policy says of every service and everybody what is written down here") {
+    auto of = atirma();
+    std::size_t cells = 0;
+    for (const auto& one : matrix())
+        for (const auto& who : columns) {
+            auto said = of->decide(who.who, request_for(one.subscription, one.titles, one.service));
+            INFO(fmt::format("'{}' of {} for {}: line {}", one.service, one.titles.front(), shown(who.who), said.line));
+            CHECK(said.allowed == (one.may.find(who.letter) != one.may.npos));
+            ++cells;
+        }
+    CHECK(cells == matrix().size() * std::size(columns));
+}
+
+TEST_CASE("access: A-Tirma's policy denies everybody a service that it does not name") {
+    auto of = atirma();
+    for (const auto& one : matrix())
+        for (const auto& who : columns)
+            for (bool subscription : {false, true})
+                for (const char* unknown : {"new_service", "ise.new_service", "telecommand2"}) {
+                    INFO(unknown << " of " << one.titles.front() << " for " << who.who);
+                    CHECK_FALSE(of->decide(who.who, request_for(subscription, one.titles, unknown)).allowed);
+                }
+}
+
+TEST_CASE("access: every service that A-Tirma's components declare is among those") {
+    std::set<std::string> known;
+    for (const auto& one : matrix()) known.insert(one.service);
+    const std::regex declared(R"(constexpr\s+ise::(?:request_response|subscription)<[^;{]*>\s*\w+\{\s*"([^"]+)\"\})");
+    std::size_t found = 0;
+    for (const auto& entry :
+         std::filesystem::recursive_directory_iterator(std::filesystem::path(ISE_SOURCE_DIR) / "components")) {
+        if (entry.path().extension() != ".hpp") continue;
+        auto text = text_of_file(entry.path());
+        for (std::sregex_iterator at(text.begin(), text.end(), declared), end; at != end; ++at) {
+            ++found;
+            INFO(entry.path() << " declares '" << (*at)[1].str() << "'");
+            CHECK(known.contains((*at)[1].str()));
+        }
+    }
+    CHECK(found > 25);
+}
+
+TEST_CASE("access: in A-Tirma's policy the web host starts, stops, sets and is nothing but its page") {
+    auto of = atirma();
+    auto may = [&](action what, const char* who, const std::string& path, const std::string& item = {},
+                   std::int32_t priority = 0) {
+        const std::string named[] = {path};
+        request wanted;
+        wanted.what = what;
+        wanted.targets = named;
+        wanted.item = item;
+        wanted.priority = priority;
+        wanted.host = "shore";
+        wanted.type = "xbee-proxy";
+        return of->decide(who, wanted).allowed;
+    };
+    const char* web = "ise://atirma/web";
+    for (auto what : {action::start, action::stop, action::set, action::role})
+        for (const char* path : {"atirma/shore/xbee", "atirma/page", "atirma/communication", "atirma/boat"})
+            CHECK_FALSE(may(what, web, path, "power-level"));
+    for (const char* path :
+         {"atirma/shore/xbee", "atirma/boat", "ise/name_server", "ise/host/shore", "atirma/operators/x"})
+        CHECK_FALSE(may(action::name, web, path));
+    CHECK(may(action::name, web, "atirma/page"));
+    CHECK(may(action::start, "ise://atirma/operator/ana", "atirma/shore/xbee"));
+    CHECK(may(action::role, "ise://atirma/shore", "atirma/communication", {}, 100));
+    CHECK_FALSE(may(action::role, "ise://atirma/shore", "atirma/communication", {}, 101));
+}
+
+} // namespace atirma_access_test

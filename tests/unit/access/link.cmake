@@ -1,0 +1,1 @@
+target_sources(unit_access PRIVATE "${PROJECT_SOURCE_DIR}/tests/support/authority.cpp")

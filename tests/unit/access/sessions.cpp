@@ -1,0 +1,371 @@
+// Sessions under an access policy, on the virtual world: who is verified, what is refused, and what an edit changes.
+#include <ise/access/guard.hpp>
+#include <ise/transport/security.hpp>
+#include <support/authority.hpp>
+#include <support/boat_services.hpp>
+#include <support/catch.hpp>
+#include <support/sim_parties.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace access_sessions_test {
+
+using namespace boat_services;
+using namespace ise_test;
+using namespace std::chrono_literals;
+using Catch::Matchers::Contains;
+using ise::errc;
+
+namespace {
+
+authority& trusted() {
+    static authority made("the trusted one");
+    return made;
+}
+
+std::filesystem::path certificate_of(const std::string& name, const std::string& identities) {
+    return trusted().issue(name, identities + authority::everywhere);
+}
+
+const std::filesystem::path& boat_files() {
+    static auto folder = certificate_of("boat", "URI:ise://atirma/boat,");
+    return folder;
+}
+const std::filesystem::path& web_files() {
+    static auto folder = certificate_of("web", "URI:ise://atirma/web,");
+    return folder;
+}
+
+// The boat is called by the shore over TLS, under a policy that both have.
+struct sea {
+    ise::sim::world world;
+    std::vector<std::string> audit;
+    std::unique_ptr<party> boat, shore;
+    ise::remote there;
+    std::string who_called, serial, who_subscribed;
+
+    static constexpr const char* open = R"(version = 1
+[[allow]]
+who = "ise://atirma/boat"
+name = "boat"
+[[allow]]
+who = "ise://atirma/web"
+name = "shore"
+call = "boat:helm"
+subscribe = "boat:position"
+)";
+
+    ~sea() {
+        for (auto* one : {boat.get(), shore.get()}) {
+            if (!one) continue;
+            if (!one->scope.stopping()) one->services->stop(100ms);
+            one->scope.stop();
+        }
+        world.run_until([&] { return (!boat || boat->scope.size() == 0) && (!shore || shore->scope.size() == 0); });
+    }
+    void write(const std::string& host, const std::string& policy) {
+        world.host(host).write_file("access.toml", policy);
+    }
+    std::unique_ptr<party> sail(const std::string& host, const std::filesystem::path& files,
+                                const std::string& policy) {
+        auto& to = world.host(host);
+        for (const char* file : {"ca.pem", "certificate.pem", "key.pem"})
+            to.write_file(std::string("tls/") + file, read_all(files / file));
+        ise::security_options with;
+        with.tls_folder = "tls";
+        auto& process = to.start_process(host);
+        auto credentials = ise::security::load(process, with).value();
+        if (!policy.empty()) {
+            write(host, policy);
+            ise::access::audit_log log([this](const std::string& line) { audit.push_back(line); });
+            credentials.access = ise::access::guard::load(process, "access.toml", log).value();
+        }
+        auto made =
+            std::make_unique<party>(process, process.make_loop("main"), host, ise::service_options(), credentials);
+        made->services->follow_access();
+        return made;
+    }
+    void begin(const std::string& policy = open, const std::filesystem::path& shore_files = web_files(),
+               const std::string& policy_ashore = open) {
+        boat = sail("boat", boat_files(), policy);
+        shore = sail("shore", shore_files, policy_ashore);
+        boat->provide(helm, [this](set_mode asked, const ise::call_context& by) {
+            who_called = by.who;
+            serial = by.verified->serial;
+            return mode_set{true, asked.mode};
+        });
+        boat->provide(echo, [](blob given) { return given; });
+        ise::publication_callbacks<std::remove_const_t<decltype(position)>> callbacks;
+        callbacks.on_subscribe = [this](const auto&, const ise::subscriber_info& by) -> ise::result<ise::nothing> {
+            who_subscribed = by.who;
+            return ise::nothing();
+        };
+        fixes = boat->publish(position, std::move(callbacks));
+        boat->listen("tls://0.0.0.0:7400");
+        there = shore->at("tls://boat:7400");
+    }
+
+    template <class T>
+    T run(ise::task<T> body) {
+        auto state = start(shore->on, std::move(body));
+        if (!world.run_until([&] { return state->done; })) throw std::logic_error("it did not end within an hour");
+        return std::move(state->get());
+    }
+    template <class Contract, class Request>
+    static ise::task<ise::result<typename Contract::response_type>> ask(ise::remote at, Contract service,
+                                                                        Request request) {
+        auto got = co_await at.try_call(service, request, 10s);
+        co_return got;
+    }
+    ise::result<mode_set> steer() { return run(ask(there, helm, set_mode{"hold"})); }
+    ise::result<blob> echoed() { return run(ask(there, echo, blob())); }
+    std::size_t lines(const std::string& with) const {
+        return static_cast<std::size_t>(
+            std::ranges::count_if(audit, [&](const auto& line) { return line.find(with) != line.npos; }));
+    }
+
+    ise::publication<std::remove_const_t<decltype(position)>> fixes;
+};
+
+} // namespace
+
+TEST_CASE("access: who calls is verified by the certificate, and reaches handlers") {
+    sea at;
+    at.begin();
+    auto got = at.steer();
+    INFO((got ? std::string() : got.error().message()));
+    REQUIRE(got);
+    CHECK(at.who_called == "ise://atirma/web");
+    CHECK_FALSE(at.serial.empty());
+    CHECK(at.boat->services->sessions().begin()->second->verified().who == "ise://atirma/web");
+    CHECK(at.shore->services->sessions().begin()->second->verified().who == "ise://atirma/boat");
+}
+
+TEST_CASE("access: without a policy everything is allowed, and who calls is known all the same") {
+    sea at;
+    at.begin("", web_files(), "");
+    REQUIRE(at.steer());
+    REQUIRE(at.echoed());
+    CHECK(at.who_called == "ise://atirma/web");
+}
+
+TEST_CASE("access: what no rule allows is refused with who, what and why, and not executed") {
+    sea at;
+    at.begin();
+    auto got = at.echoed();
+    REQUIRE_FALSE(got);
+    CHECK(got.error().code() == errc::access_denied);
+    CHECK(got.error().executed() == ise::execution::not_executed);
+    CHECK_THAT(
+        got.error().message(),
+        Contains("ise://atirma/web may not call 'echo' of boat: no rule of access.toml allows it (ise access why "
+                 "ise://atirma/web call boat:echo)"));
+    REQUIRE(at.lines("\"call boat:echo\"") == 1);
+    CHECK(at.lines(R"("who":"ise://atirma/web")") >= 1);
+    CHECK(at.steer());
+    SECTION("nor is it told whether a service is there") {
+        constexpr ise::request_response<blob, blob> none{"none"};
+        auto missing = at.run(sea::ask(at.there, none, blob()));
+        REQUIRE_FALSE(missing);
+        CHECK(missing.error().code() == errc::access_denied);
+    }
+    SECTION("each refused call is a line of the audit log") {
+        (void)at.echoed();
+        (void)at.echoed();
+        CHECK(at.lines("\"call boat:echo\"") == 3);
+    }
+}
+
+TEST_CASE("access: a subscription that no rule allows is refused, others know who subscribed") {
+    auto subscribe = [](ise::remote to, const auto& service) -> ise::task<std::string> {
+        std::string why;
+        try {
+            auto packets = co_await to.subscribe(service);
+        } catch (const ise::error& refused) {
+            why = fmt::format("{}: {}", ise::name_of(refused.code()), refused.what());
+        }
+        co_return why;
+    };
+    sea at;
+    at.begin();
+    at.boat->publish(pictures);
+    auto why = at.run(subscribe(at.there, pictures));
+    CHECK_THAT(why, Contains("access_denied") && Contains("may not subscribe to 'pictures' of boat"));
+    CHECK(at.run(subscribe(at.there, position)).empty());
+    CHECK(at.who_subscribed == "ise://atirma/web");
+}
+
+TEST_CASE("access: nobody has a path that his identity may not have, in either direction") {
+    sea at;
+    std::string policy = sea::open;
+    SECTION("an impostor asks") {
+        auto other = policy;
+        other.replace(other.find("name = \"shore\""), 14, "name = \"other\"");
+        at.begin(other, web_files(), "");
+        auto got = at.steer();
+        REQUIRE_FALSE(got);
+        CHECK_THAT(got.error().message(), Contains("ise://atirma/web may not have the name shore"));
+        CHECK(at.lines("\"name shore\"") >= 1);
+    }
+    SECTION("an impostor serves") {
+        auto other = policy;
+        other.replace(other.find("name = \"boat\""), 13, "name = \"keel\"");
+        at.begin("", web_files(), other);
+        auto got = at.steer();
+        REQUIRE_FALSE(got);
+        CHECK_THAT(got.error().message(), Contains("ise://atirma/boat may not have the name boat"));
+        CHECK(at.who_called.empty());
+    }
+}
+
+TEST_CASE("access: a certificate with several identities is refused, one without is nobody's") {
+    sea at;
+    SECTION("several") {
+        auto files = certificate_of("several", "URI:ise://atirma/web,URI:ise://atirma/boat,");
+        CHECK_THROWS_WITH(at.begin(sea::open, files, ""),
+                          Contains("certificate.pem cannot be used: its certificate has 2 URIs"));
+    }
+    SECTION("none") {
+        at.begin(sea::open, certificate_of("none", ""), "");
+        auto got = at.steer();
+        REQUIRE_FALSE(got);
+        CHECK_THAT(got.error().message(), Contains("nobody may not have the name shore"));
+    }
+}
+
+TEST_CASE("access: an edit counts within ten seconds for sessions that exist") {
+    auto follow = [](ise::remote to, std::shared_ptr<std::string> end) -> ise::task<int> {
+        auto packets = co_await to.subscribe(position);
+        try {
+            for (;;) {
+                auto packet = co_await packets.next();
+                if (!packet) break;
+            }
+        } catch (const ise::error& why) {
+            *end = why.what();
+        }
+        if (end->empty()) *end = "it ended";
+        co_return 0;
+    };
+    sea at;
+    at.begin();
+    REQUIRE(at.steer());
+    REQUIRE_FALSE(at.echoed());
+    auto ended = std::make_shared<std::string>();
+    auto following = start(at.shore->on, follow(at.there, ended));
+    at.world.run_for(1s);
+    REQUIRE(at.boat->services->counts().sessions_accepted == 1);
+    SECTION("what is denied now is refused, and subscriptions end") {
+        at.write("boat", R"(version = 1
+[[allow]]
+who = "ise://atirma/web"
+name = "shore"
+call = "boat:echo"
+)");
+        at.world.run_for(10s);
+        auto got = at.steer();
+        REQUIRE_FALSE(got);
+        CHECK(got.error().code() == errc::access_denied);
+        CHECK(at.echoed()); // and what was denied may be allowed
+        CHECK_FALSE(ended->empty());
+        CHECK(at.boat->services->counts().sessions_accepted == 1);
+    }
+    SECTION("the session of an identity that was taken its path ends") {
+        at.write("boat", "version = 1\n[[deny]]\nwho = \"ise://atirma/web\"\nname = \"**\"\n");
+        at.world.run_for(12s);
+        CHECK(at.boat->services->sessions().empty());
+        CHECK_FALSE(at.steer());
+    }
+    SECTION("with a file that cannot be used, what there is goes on, and nothing new begins") {
+        at.write("boat", "version = 1\n[[allow]\n");
+        at.world.run_for(10s);
+        CHECK(at.steer());
+        CHECK(ended->empty());
+        at.shore->services->sessions().begin()->second->wire().close(ise::failure(errc::peer_lost, "cut"));
+        auto got = at.steer();
+        REQUIRE_FALSE(got);
+        CHECK_THAT(got.error().message(), Contains("the access policy cannot be used") && Contains("access.toml:2:"));
+        at.write("boat", sea::open);
+        at.world.run_for(10s);
+        CHECK(at.steer());
+    }
+    SECTION("without an edit nothing changes") {
+        at.world.run_for(1min);
+        CHECK(at.steer());
+        CHECK(ended->empty());
+    }
+}
+
+TEST_CASE("access: an edit that allows what is used lets no call fail meanwhile") {
+    sea at;
+    at.begin();
+    int failed = 0, served = 0;
+    for (int at_second = 0; at_second < 30; ++at_second) {
+        at.write("boat", fmt::format("{}# {}\n", sea::open, at_second));
+        (at.steer() ? served : failed) += 1;
+        at.world.run_for(1s);
+    }
+    CHECK(served == 30);
+    CHECK(failed == 0);
+}
+
+TEST_CASE("access: a policy that cannot be used from the start is an error with its lines") {
+    sea at;
+    at.write("boat", "version = 1\n[[allow]]\nwho = \"web\"\n");
+    auto& process = at.world.host("boat").start_process("boat");
+    ise::security_options with;
+    with.access_file = "access.toml";
+    auto made = ise::security::load(process, with);
+    REQUIRE_FALSE(made);
+    CHECK_THAT(made.error().message(), Contains("no access policy (--access, ISE_ACCESS)") &&
+                                           Contains("access.toml:3:7: 'web' is no identity"));
+    with.access_file = "nowhere.toml";
+    CHECK_FALSE(ise::security::load(process, with));
+    with.access_file.clear();
+    with.audit_file = "audit.jsonl";
+    auto alone = ise::security::load(process, with);
+    REQUIRE_FALSE(alone);
+    CHECK_THAT(alone.error().message(), Contains("needs an access policy"));
+}
+
+TEST_CASE("access: whoever proved the shared key has its identity") {
+    sea at;
+    ise::security_options with;
+    with.key_file = "key";
+    std::string policy = "version = 1\nsystem = \"atirma\"\n[[allow]]\nwho = \"ise://atirma/key\"\nname = \"**\"\n"
+                         "call = \"boat:helm\"\n";
+    for (const char* host : {"boat", "shore"}) {
+        at.world.host(host).write_file("key", std::string(64, 'k'));
+        at.write(host, policy);
+    }
+    auto sail = [&](const std::string& host) {
+        auto& process = at.world.host(host).start_process(host);
+        auto given = with;
+        given.access_file = "access.toml";
+        auto credentials = ise::security::load(process, given).value();
+        CHECK(credentials.own == "ise://atirma/key");
+        return std::make_unique<party>(process, process.make_loop("main"), host, ise::service_options(), credentials);
+    };
+    at.boat = sail("boat");
+    at.shore = sail("shore");
+    at.boat->provide(helm, [&](set_mode asked, const ise::call_context& by) {
+        at.who_called = by.who;
+        return mode_set{true, asked.mode};
+    });
+    at.boat->provide(echo, [](blob given) { return given; });
+    at.boat->listen("tcp://0.0.0.0:7400");
+    at.there = at.shore->at("tcp://boat:7400");
+    auto got = at.steer();
+    INFO((got ? std::string() : got.error().message()));
+    REQUIRE(got);
+    CHECK(at.who_called == "ise://atirma/key");
+    CHECK_FALSE(at.echoed());
+}
+
+} // namespace access_sessions_test
