@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <memory>
 #include <sstream>
 #include <vector>
@@ -18,17 +19,17 @@ namespace ise::cli {
 extern const command list_command, describe_command, call_command, echo_command, hz_command, start_command,
     stop_command, restart_command, kill_command, logs_command, ps_command, up_command, down_command, diff_command,
     validate_command, param_command, doctor_command, graph_command, top_command, ping_command, bench_command,
-    bw_command, delay_command, tree_command, services_command, types_command, type_command, completion_command,
-    version_command;
+    bw_command, delay_command, tree_command, services_command, types_command, type_command, keys_command,
+    completion_command, version_command;
 
 namespace {
 
 constexpr const command* all_commands[] = {
-    &list_command,     &describe_command, &call_command,     &echo_command,       &hz_command,     &start_command,
-    &stop_command,     &restart_command,  &kill_command,     &logs_command,       &ps_command,     &up_command,
-    &down_command,     &diff_command,     &validate_command, &param_command,      &doctor_command, &graph_command,
-    &top_command,      &ping_command,     &bench_command,    &bw_command,         &delay_command,  &tree_command,
-    &services_command, &types_command,    &type_command,     &completion_command, &version_command};
+    &list_command,     &describe_command, &call_command,     &echo_command,  &hz_command,         &start_command,
+    &stop_command,     &restart_command,  &kill_command,     &logs_command,  &ps_command,         &up_command,
+    &down_command,     &diff_command,     &validate_command, &param_command, &doctor_command,     &graph_command,
+    &top_command,      &ping_command,     &bench_command,    &bw_command,    &delay_command,      &tree_command,
+    &services_command, &types_command,    &type_command,     &keys_command,  &completion_command, &version_command};
 
 constexpr const char* exit_codes = R"(Exit codes:
   0    the answer is complete; also when Ctrl-C ended echo, hz, bw, delay or top, or a reader such as head ended
@@ -97,6 +98,9 @@ void add_common_options(CLI::App& app, settings& set) {
         ->type_name("ENDPOINT");
     app.add_option("--key", set.security.key_file, "a file with the shared key of the system (default: $ISE_KEY)")
         ->type_name("FILE");
+    app.add_flag_callback(
+        "--key-legacy", [] { ::setenv("ISE_KEY_LEGACY", "1", 1); },
+        "prove the key by the scheme of earlier versions, without encryption (also ISE_KEY_LEGACY=1)");
     app.add_option("--tls", set.security.tls_folder,
                    "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")
         ->type_name("FOLDER");
