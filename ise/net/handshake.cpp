@@ -4,6 +4,8 @@
 #include <ise/core/object_stream.hpp>
 #include <ise/net/authentication.hpp>
 #include <ise/packet/codec.hpp>
+#include <ise/transport/sealed_stream.hpp>
+#include <ise/transport/tls/psk.hpp>
 #include <ise/wire/body.hpp>
 
 #include <asio/error.hpp>
@@ -43,6 +45,10 @@ public:
     task<result<wire::frame>> receive() {
         for (;;) {
             auto found = parser_.next();
+            if (!found && tls::asks_for_tls(begin_).value_or(false)) {
+                auto why = co_await refuse_tls();
+                co_return why;
+            }
             if (!found) co_return found.error();
             if (*found) {
                 keys_.note((*found)->header, (*found)->body);
@@ -51,6 +57,7 @@ public:
             auto room = parser_.prepare();
             auto got = co_await transport_->read_some(asio::buffer(room.data(), room.size()));
             if (got.problem) co_return broken(got.problem);
+            note_begin(room.data(), got.bytes);
             parser_.commit(got.bytes);
         }
     }
@@ -110,15 +117,34 @@ private:
         return {errc::peer_lost, fmt::format("{}: {}", peer(), why)};
     }
 
+    void note_begin(const std::byte* from, std::size_t count) {
+        constexpr std::size_t wanted = 3;
+        if (begin_.size() < wanted) begin_.insert(begin_.end(), from, from + std::min(count, wanted - begin_.size()));
+    }
+
+    // The peer seals its sessions, or has tls://: it is told in its own words.
+    task<failure> refuse_tls() {
+        buffer out;
+        auto record = tls::record_of(keys_.demanded() ? tls::refusal::old_scheme : tls::refusal::no_key);
+        out.append(bytes_view(record));
+        auto told = co_await send(std::move(out));
+        if (!told) co_return told.error();
+        co_return failure(errc::unauthorized, fmt::format("{}: received TLS on an endpoint without TLS: {}", peer(),
+                                                          tls::why_no_seal(keys_.demanded())));
+    }
+
     loop& on_;
     std::unique_ptr<stream> transport_;
     wire::parser parser_;
     authentication keys_;
+    bytes begin_; // the first of all
     time_point sent_at_{};
     std::string_view deadline_name_; // of the limit, in brackets
     timer alarm_;
     bool late_ = false;
 };
+
+bool is_sealed(const stream& one) { return dynamic_cast<const sealed_stream*>(&one) != nullptr; }
 
 failure farewell_of(const std::string& peer, const wire::frame& came) {
     auto why = wire::read_body<wire::farewell>(came.body);
@@ -195,6 +221,7 @@ std::optional<std::string> somebody_else(const wire::hello& mine, const wire::id
 
 task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<stream> transport, wire::hello mine,
                                                    time_point deadline, const shared_key* key) {
+    if (is_sealed(*transport)) key = nullptr; // it is proved
     greeting with(on, std::move(transport), deadline, key);
     mine.accepts = with.fitting(mine.accepts);
     mine.features = with.fitting(mine.features);
@@ -236,6 +263,7 @@ task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<str
 
 task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stream> transport, gatekeeper& gate,
                                                   time_point deadline, const shared_key* key) {
+    if (is_sealed(*transport)) key = nullptr; // it is proved before the first byte is read
     greeting with(on, std::move(transport), deadline, key, " (connect_time)");
     auto came = co_await with.receive();
     if (!came) co_return came.error();

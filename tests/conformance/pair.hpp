@@ -69,6 +69,7 @@ public:
 private:
     party make(ise::environment& env, const char* path) const;
     ise::service_options options_;
+    std::vector<ise::endpoint> advertised_;
 
 public:
     party boat, shore;
@@ -88,6 +89,7 @@ void over(const std::function<void(pair&)>& check, const tuning& tune = {}) {
 
 } // namespace conformance
 
-#define OVER_EVERY_TRANSPORT \
-    tcp, tcp6, tls, udp, udp6, local, in_process, odd, virtual_tcp, virtual_tls, virtual_udp, virtual_odd
+#define OVER_EVERY_TRANSPORT                                                                               \
+    tcp, tcp6, tls, udp, udp6, local, sealed_tcp, sealed_local, in_process, odd, virtual_tcp, virtual_tls, \
+        virtual_udp, virtual_odd
 #define OVER_DATAGRAMS udp, udp6, virtual_udp
