@@ -10,17 +10,19 @@ if(ISE_FETCH_DEPENDENCIES)
   set(JUST_INSTALL_CEREAL ON)
   set(JSON_BuildTests OFF)
   set(JSON_Install OFF)
-  FetchContent_Declare(cereal GIT_REPOSITORY https://github.com/USCiLab/cereal.git GIT_TAG v1.3.2 GIT_SHALLOW ON
+  # By commit, which nobody can replace as a tag: cereal 1.3.2, fmt 9.1.0, nlohmann_json 3.11.2, asio 1.22.1 (below).
+  # A commit cannot be fetched shallowly.
+  FetchContent_Declare(cereal GIT_REPOSITORY https://github.com/USCiLab/cereal.git GIT_TAG ebef1e929807629befafbb2918ea1a08c7194554
     FIND_PACKAGE_ARGS CONFIG)
-  FetchContent_Declare(fmt GIT_REPOSITORY https://github.com/fmtlib/fmt.git GIT_TAG 9.1.0 GIT_SHALLOW ON
+  FetchContent_Declare(fmt GIT_REPOSITORY https://github.com/fmtlib/fmt.git GIT_TAG a33701196adfad74917046096bf5a2aa0ab0bb50
     FIND_PACKAGE_ARGS CONFIG)
-  FetchContent_Declare(nlohmann_json GIT_REPOSITORY https://github.com/nlohmann/json.git GIT_TAG v3.11.2 GIT_SHALLOW ON
+  FetchContent_Declare(nlohmann_json GIT_REPOSITORY https://github.com/nlohmann/json.git GIT_TAG bc889afb4c5bf1c0d8ee29ef35eaaf4c8bef8a5d
     FIND_PACKAGE_ARGS CONFIG)
   FetchContent_MakeAvailable(cereal fmt nlohmann_json)
 
   find_package(Asio 1.22 QUIET)
   if(NOT Asio_FOUND) # it has no CMake files of its own: fetch the tree, then find it there
-    FetchContent_Declare(asio GIT_REPOSITORY https://github.com/chriskohlhoff/asio.git GIT_TAG asio-1-22-1 GIT_SHALLOW ON)
+    FetchContent_Declare(asio GIT_REPOSITORY https://github.com/chriskohlhoff/asio.git GIT_TAG bba12d10501418fd3789ce01c9f86a77d37df7ed)
     FetchContent_MakeAvailable(asio)
     set(ASIO_INCLUDE_DIR "${asio_SOURCE_DIR}/asio/include")
     set(ISE_FETCHED TRUE)

@@ -34,6 +34,9 @@ void add_common(CLI::App& to, common_options& options) {
     to.add_option("--name-server", options.name_server, "its endpoint (default: ISE_NAME_SERVER, else this machine)");
     to.add_option("--key", options.security.key_file,
                   "a file with the shared key of the system; peers without it are refused (default: ISE_KEY)");
+    to.add_flag_callback(
+        "--key-legacy", [] { ::setenv("ISE_KEY_LEGACY", "1", 1); },
+        "prove the key by the scheme of earlier versions, without encryption (also ISE_KEY_LEGACY=1)");
     to.add_option("--tls", options.security.tls_folder,
                   "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: ISE_TLS)");
     to.add_option("--access", options.security.access_file,

@@ -108,6 +108,7 @@ int run(const settings& wanted) {
     for (const auto& at : where.listen)
         ise::instantiation::may_listen(at, ise::security::load(env, security).value()).value();
     if (!security.key_file.empty()) options.variables.emplace_back("ISE_KEY", security.key_file);
+    if (env.variable("ISE_KEY_LEGACY").value_or("") == "1") options.variables.emplace_back("ISE_KEY_LEGACY", "1");
     options.rules.has_certificates = !security.tls_folder.empty();
     if (options.rules.has_certificates) options.variables.emplace_back("ISE_TLS", security.tls_folder);
     if (!security.access_file.empty()) options.variables.emplace_back("ISE_ACCESS", security.access_file);
@@ -196,6 +197,9 @@ int main(int argc, char** argv) {
     app.add_option("--key", wanted.security.key_file,
                    "a file with the shared key of the system; peers without it are refused (default: $ISE_KEY)")
         ->type_name("FILE");
+    app.add_flag_callback(
+        "--key-legacy", [] { ::setenv("ISE_KEY_LEGACY", "1", 1); },
+        "prove the key by the scheme of earlier versions, without encryption (also ISE_KEY_LEGACY=1)");
     app.add_option("--tls", wanted.security.tls_folder,
                    "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")
         ->type_name("FOLDER");

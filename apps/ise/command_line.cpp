@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <memory>
 #include <sstream>
 #include <vector>
@@ -19,7 +20,7 @@ extern const command list_command, describe_command, call_command, echo_command,
     stop_command, restart_command, kill_command, logs_command, ps_command, up_command, down_command, diff_command,
     validate_command, param_command, doctor_command, graph_command, top_command, ping_command, bench_command,
     bw_command, delay_command, tree_command, services_command, types_command, type_command, completion_command,
-    version_command, pub_command, mock_command, run_command, access_command;
+    version_command, pub_command, mock_command, run_command, access_command, keys_command;
 
 namespace {
 
@@ -29,7 +30,7 @@ constexpr const command* all_commands[] = {
     &down_command,     &diff_command,     &validate_command, &param_command,      &doctor_command,  &graph_command,
     &top_command,      &ping_command,     &bench_command,    &bw_command,         &delay_command,   &tree_command,
     &services_command, &types_command,    &type_command,     &completion_command, &version_command, &pub_command,
-    &mock_command,     &run_command,      &access_command};
+    &mock_command,     &run_command,      &access_command,   &keys_command};
 
 constexpr const char* exit_codes = R"(Exit codes:
   0    the answer is complete; also when Ctrl-C ended echo, hz, bw, delay, top, pub or mock, or a reader such as head ended
@@ -98,6 +99,9 @@ void add_common_options(CLI::App& app, settings& set) {
         ->type_name("ENDPOINT");
     app.add_option("--key", set.security.key_file, "a file with the shared key of the system (default: $ISE_KEY)")
         ->type_name("FILE");
+    app.add_flag_callback(
+        "--key-legacy", [] { ::setenv("ISE_KEY_LEGACY", "1", 1); },
+        "prove the key by the scheme of earlier versions, without encryption (also ISE_KEY_LEGACY=1)");
     app.add_option("--tls", set.security.tls_folder,
                    "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")
         ->type_name("FOLDER");

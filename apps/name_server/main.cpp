@@ -153,6 +153,9 @@ int main(int argc, char** argv) {
     app.add_option("--key", wanted.security.key_file,
                    "a file with the shared key of the system; peers without it are refused (default: $ISE_KEY)")
         ->type_name("FILE");
+    app.add_flag_callback(
+        "--key-legacy", [] { ::setenv("ISE_KEY_LEGACY", "1", 1); },
+        "prove the key by the scheme of earlier versions, without encryption (also ISE_KEY_LEGACY=1)");
     app.add_option("--tls", wanted.security.tls_folder,
                    "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")
         ->type_name("FOLDER");

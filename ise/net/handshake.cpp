@@ -5,6 +5,8 @@
 #include <ise/core/verified_peer.hpp>
 #include <ise/net/authentication.hpp>
 #include <ise/packet/codec.hpp>
+#include <ise/transport/sealed_stream.hpp>
+#include <ise/transport/tls/psk.hpp>
 #include <ise/wire/body.hpp>
 
 #include <asio/error.hpp>
@@ -44,6 +46,10 @@ public:
     task<result<wire::frame>> receive() {
         for (;;) {
             auto found = parser_.next();
+            if (!found && tls::asks_for_tls(begin_).value_or(false)) {
+                auto why = co_await refuse_tls();
+                co_return why;
+            }
             if (!found) co_return found.error();
             if (*found) {
                 keys_.note((*found)->header, (*found)->body);
@@ -52,6 +58,7 @@ public:
             auto room = parser_.prepare();
             auto got = co_await transport_->read_some(asio::buffer(room.data(), room.size()));
             if (got.problem) co_return broken(got.problem);
+            note_begin(room.data(), got.bytes);
             parser_.commit(got.bytes);
         }
     }
@@ -121,15 +128,34 @@ private:
         return {errc::peer_lost, fmt::format("{}: {}", peer(), why)};
     }
 
+    void note_begin(const std::byte* from, std::size_t count) {
+        constexpr std::size_t wanted = 3;
+        if (begin_.size() < wanted) begin_.insert(begin_.end(), from, from + std::min(count, wanted - begin_.size()));
+    }
+
+    // The peer seals its sessions, or has tls://: it is told in its own words.
+    task<failure> refuse_tls() {
+        buffer out;
+        auto record = tls::record_of(keys_.demanded() ? tls::refusal::old_scheme : tls::refusal::no_key);
+        out.append(bytes_view(record));
+        auto told = co_await send(std::move(out));
+        if (!told) co_return told.error();
+        co_return failure(errc::unauthorized, fmt::format("{}: received TLS on an endpoint without TLS: {}", peer(),
+                                                          tls::why_no_seal(keys_.demanded())));
+    }
+
     loop& on_;
     std::unique_ptr<stream> transport_;
     wire::parser parser_;
     authentication keys_;
+    bytes begin_; // the first of all
     time_point sent_at_{};
     std::string_view deadline_name_; // of the limit, in brackets
     timer alarm_;
     bool late_ = false;
 };
+
+bool is_sealed(const stream& one) { return dynamic_cast<const sealed_stream*>(&one) != nullptr; }
 
 failure farewell_of(const std::string& peer, const wire::frame& came) {
     auto why = wire::read_body<wire::farewell>(came.body);
@@ -206,6 +232,8 @@ std::optional<std::string> somebody_else(const wire::hello& mine, const wire::id
 
 task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<stream> transport, wire::hello mine,
                                                    time_point deadline, const shared_key* key) {
+    const bool has_key = key != nullptr;
+    if (is_sealed(*transport)) key = nullptr; // it is proved
     greeting with(on, std::move(transport), deadline, key);
     mine.accepts = with.fitting(mine.accepts);
     mine.features = with.fitting(mine.features);
@@ -240,7 +268,7 @@ task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<str
     if (terms.features & wire::feature::clock)
         terms.clock.note(with.sent_at(), time_point(duration(theirs->clock_ns)), came_at);
     terms.peer = session_peer(std::move(theirs->self));
-    terms.peer.verified = with.verified(key != nullptr);
+    terms.peer.verified = with.verified(has_key);
     terms.we_accept = bounded(mine.accepts);
     terms.peer_accepts = with.fitting(bounded(theirs->accepts));
     co_return with.done(on, std::move(terms));
@@ -248,6 +276,8 @@ task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<str
 
 task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stream> transport, gatekeeper& gate,
                                                   time_point deadline, const shared_key* key) {
+    const bool has_key = key != nullptr;
+    if (is_sealed(*transport)) key = nullptr; // it is proved before the first byte is read
     greeting with(on, std::move(transport), deadline, key, " (connect_time)");
     auto came = co_await with.receive();
     if (!came) co_return came.error();
@@ -260,7 +290,7 @@ task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stre
         answer = std::move(*wrong);
     } else {
         auto proved = co_await demand_proof(with, theirs->authentication);
-        if (proved) gate.note(with.verified(key != nullptr));
+        if (proved) gate.note(with.verified(has_key));
         answer = proved ? gate.admit(*theirs) : proved.error(); // whoever has no key learns nothing of who is here
     }
     if (!answer) {
@@ -288,7 +318,7 @@ task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stre
     terms.features = answer->features;
     terms.peer = session_peer(std::move(theirs->self));
     terms.peer.reply_key = theirs->reply_key;
-    terms.peer.verified = with.verified(key != nullptr);
+    terms.peer.verified = with.verified(has_key);
     terms.we_accept = bounded(answer->accepts);
     terms.peer_accepts = with.fitting(bounded(theirs->accepts));
     co_return with.done(on, std::move(terms));

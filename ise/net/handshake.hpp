@@ -19,9 +19,10 @@ protected:
 };
 
 /// Greets the listener at the other end of a fresh stream. With a `key`, which outlives the handshake, both sides prove
-/// that they know it. Errors: errc::timed_out at `deadline`, what the peer rejects with (errc::wrong_peer,
-/// version_mismatch, unauthorized, overloaded…), errc::unauthorized where it did not prove the key, errc::peer_lost,
-/// protocol_error. Cancellation: terminal; the stream is closed.
+/// that they know it, unless the stream is a `sealed_stream`, whose ends have done so. Errors: errc::timed_out at
+/// `deadline`, what the peer rejects with (errc::wrong_peer, version_mismatch, unauthorized, overloaded…),
+/// errc::unauthorized where it did not prove the key, errc::peer_lost, protocol_error. Cancellation: terminal; the
+/// stream is closed.
 task<result<std::shared_ptr<connection>>> initiate(loop& on, std::unique_ptr<stream> transport, wire::hello mine,
                                                    time_point deadline, const shared_key* key = nullptr);
 

@@ -27,15 +27,20 @@ result<security> security::load(environment& env, security_options given) {
     unless_given(given.tls_folder, "ISE_TLS");
     unless_given(given.access_file, "ISE_ACCESS");
     unless_given(given.audit_file, "ISE_AUDIT");
+    auto is_set = [&env](const char* variable) -> result<bool> {
+        auto told = env.variable(variable).value_or("");
+        if (!told.empty() && told != "0" && told != "1")
+            return failure(errc::invalid_argument, fmt::format("{} is 0 or 1, not '{}'", variable, told));
+        return told == "1";
+    };
+    auto demanded = is_set("ISE_DEMAND_CREDENTIALS");
+    if (!demanded) return demanded.error();
+    auto legacy = is_set("ISE_KEY_LEGACY");
+    if (!legacy) return legacy.error();
     security made;
-    made.demanded = given.demanded;
-    if (auto told = env.variable("ISE_DEMAND_CREDENTIALS"); told && !told->empty()) {
-        if (*told != "0" && *told != "1")
-            return failure(errc::invalid_argument, fmt::format("ISE_DEMAND_CREDENTIALS is 0 or 1, not '{}'", *told));
-        made.demanded = made.demanded || *told == "1";
-    }
+    made.demanded = given.demanded || *demanded;
     if (!given.key_file.empty()) {
-        auto key = shared_key::load(env, given.key_file);
+        auto key = shared_key::load(env, given.key_file, *legacy);
         if (!key)
             return failure(key.error().code(),
                            fmt::format("no shared key (--key, ISE_KEY): {}", key.error().message()));

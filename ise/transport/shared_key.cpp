@@ -1,5 +1,7 @@
 #include <ise/transport/shared_key.hpp>
 
+#include <ise/transport/tls/psk.hpp>
+
 #include <fmt/format.h>
 
 #include <openssl/crypto.h>
@@ -7,15 +9,15 @@
 
 namespace ise {
 
-result<std::shared_ptr<const shared_key>> shared_key::load(environment& env, const std::string& file) {
+result<std::shared_ptr<const shared_key>> shared_key::load(environment& env, const std::string& file, bool legacy) {
     auto text = env.read_secret(file, max_bytes + 64);
     if (!text) return text.error();
-    auto made = make(*text, file);
+    auto made = make(*text, file, legacy);
     OPENSSL_cleanse(text->data(), text->size());
     return made;
 }
 
-result<std::shared_ptr<const shared_key>> shared_key::make(std::string_view text, std::string_view from) {
+result<std::shared_ptr<const shared_key>> shared_key::make(std::string_view text, std::string_view from, bool legacy) {
     constexpr std::string_view blanks = " \t\r\n";
     auto begin = text.find_first_not_of(blanks);
     auto secret =
@@ -25,10 +27,20 @@ result<std::shared_ptr<const shared_key>> shared_key::make(std::string_view text
             errc::invalid_argument,
             fmt::format("the key in {} has {} bytes, and {} to {} are needed: openssl rand -hex 32 makes a good one",
                         from, secret.size(), min_bytes, max_bytes));
-    return std::shared_ptr<const shared_key>(new shared_key(secret));
+    std::shared_ptr<shared_key> made(new shared_key(secret));
+    if (!legacy) {
+        made->sealing_secret_ = made->prove("ISE1 sealed", {});
+        auto context = net::tls::psk_context(made->sealing_secret_);
+        if (!context) return context.error();
+        made->sealing_ = std::move(*context);
+    }
+    return std::shared_ptr<const shared_key>(std::move(made));
 }
 
-shared_key::~shared_key() { OPENSSL_cleanse(secret_.data(), secret_.size()); }
+shared_key::~shared_key() {
+    OPENSSL_cleanse(secret_.data(), secret_.size());
+    OPENSSL_cleanse(sealing_secret_.data(), sealing_secret_.size());
+}
 
 shared_key::digest shared_key::prove(std::string_view label, bytes_view transcript) const {
     std::string said(label);

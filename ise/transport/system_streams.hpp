@@ -10,4 +10,11 @@ task<result<std::unique_ptr<stream>>> connect_by_environment(loop& on, endpoint 
 /// `environment::listen`, with its errors; `with` is not used.
 result<std::unique_ptr<listener>> listen_by_environment(loop& on, const endpoint& at, security with);
 
+/// The same, and the streams are sealed by the shared key of `with`, where it has one that seals: they are
+/// `sealed_stream`s (FORMAT.md, section 17). Further errors: errc::unauthorized, where the peer does not prove the key.
+/// Cancellation: terminal, no connection stays open.
+task<result<std::unique_ptr<stream>>> connect_sealed(loop& on, endpoint to, security with);
+/// The streams accepted shake hands in their first read.
+result<std::unique_ptr<listener>> listen_sealed(loop& on, const endpoint& at, security with);
+
 } // namespace ise::net

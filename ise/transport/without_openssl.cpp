@@ -17,10 +17,10 @@ failure not_built(std::string_view what) {
 
 } // namespace
 
-result<std::shared_ptr<const shared_key>> shared_key::load(environment&, const std::string& file) {
+result<std::shared_ptr<const shared_key>> shared_key::load(environment&, const std::string& file, bool) {
     return not_built(file);
 }
-result<std::shared_ptr<const shared_key>> shared_key::make(std::string_view, std::string_view from) {
+result<std::shared_ptr<const shared_key>> shared_key::make(std::string_view, std::string_view from, bool) {
     return not_built(from);
 }
 shared_key::~shared_key() = default;
@@ -36,6 +36,13 @@ std::unique_ptr<stream> answer(loop&, std::unique_ptr<stream>, std::shared_ptr<i
 }
 task<result<std::unique_ptr<stream>>> greet(loop&, std::unique_ptr<stream>, std::shared_ptr<identity>, endpoint) {
     co_return not_built("TLS");
+}
+std::unique_ptr<stream> answer(loop&, std::unique_ptr<stream>, std::shared_ptr<const shared_key>) {
+    throw std::logic_error("there is no key");
+}
+task<result<std::unique_ptr<stream>>> greet(loop&, std::unique_ptr<stream>, std::shared_ptr<const shared_key>,
+                                            endpoint) {
+    co_return not_built("a shared key");
 }
 
 } // namespace net::tls

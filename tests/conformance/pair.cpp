@@ -81,6 +81,8 @@ void pair::open_through_relay() {
     between = relay::make(over.router(), over.loop(over.router()), at, to);
     at = between->where();
     at.kind = where.kind;
+    advertised_ = {at}; // with a shared key a listener refuses who dialled something else
+    boat.services->acceptor().advertise(advertised_);
     there = shore.at(at);
 }
 
@@ -118,6 +120,7 @@ side& pair::next_life() {
     run_until([&] { return boat.scope.size() == 0; });
     reborn = std::make_unique<side>(boat.env, over.loop(boat.env), "boat", options_,
                                     ise::security::load(boat.env, over.credentials).value());
+    reborn->services->acceptor().advertise(advertised_);
     return *reborn;
 }
 

@@ -70,6 +70,7 @@ public:
 private:
     side make(ise::environment& env, const char* path) const;
     ise::service_options options_;
+    std::vector<ise::endpoint> advertised_;
 
 public:
     side boat, shore;
@@ -89,6 +90,7 @@ void over(const std::function<void(pair&)>& check, const tuning& tune = {}) {
 
 } // namespace conformance
 
-#define OVER_EVERY_TRANSPORT \
-    tcp, tcp6, tls, udp, udp6, local, in_process, odd, virtual_tcp, virtual_tls, virtual_udp, virtual_odd
+#define OVER_EVERY_TRANSPORT                                                                               \
+    tcp, tcp6, tls, udp, udp6, local, sealed_tcp, sealed_local, in_process, odd, virtual_tcp, virtual_tls, \
+        virtual_udp, virtual_odd
 #define OVER_DATAGRAMS udp, udp6, virtual_udp

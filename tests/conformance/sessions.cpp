@@ -131,7 +131,7 @@ TEMPLATE_TEST_CASE("a peer that is half open is found within three heartbeats", 
 
 // Within a process nothing lies between the two that could go silent.
 TEMPLATE_TEST_CASE("where nothing passes any more both sides find it within three heartbeats", "", tcp, tcp6, tls, udp,
-                   udp6, local, virtual_tcp, virtual_tls, virtual_udp) {
+                   udp6, local, sealed_tcp, sealed_local, virtual_tcp, virtual_tls, virtual_udp) {
     over<TestType>(nothing_passes);
 }
 

@@ -4,6 +4,10 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
+#include <fstream>
+#include <string>
+
 #include <unistd.h>
 
 namespace conformance {
@@ -16,6 +20,17 @@ const std::filesystem::path& certificates() {
     static ise_test::authority trusted;
     static auto folder = trusted.issue("host");
     return folder;
+}
+
+// A shared key beside them.
+const std::string& key_file() {
+    static const auto file = [] {
+        auto made = certificates().parent_path() / "shared.key";
+        std::ofstream(made) << std::string(64, 'k');
+        std::filesystem::permissions(made, std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+        return made.string();
+    }();
+    return file;
 }
 
 std::string local_name(const char* who) { return fmt::format("local://@ise-conformance-{}-{}", ::getpid(), who); }
@@ -54,6 +69,12 @@ tls::tls() : real_world(of_streams("tls://127.0.0.1:0", "tcp://127.0.0.1:0")) {
     credentials.tls_folder = certificates().string();
 }
 local::local() : real_world(of_streams(local_name("boat"), local_name("relay"))) {}
+sealed_tcp::sealed_tcp() : real_world(of_streams("tcp://127.0.0.1:0", "tcp://127.0.0.1:0")) {
+    credentials.key_file = key_file();
+}
+sealed_local::sealed_local() : real_world(of_streams(local_name("sealed-boat"), local_name("sealed-relay"))) {
+    credentials.key_file = key_file();
+}
 in_process::in_process() : real_world(of_streams("inproc://conformance", "")) {
     has.calls_beside_big = 1;
 } // it is handed over at once, as it is

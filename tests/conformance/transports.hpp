@@ -85,6 +85,13 @@ struct tls : real_world {
 struct local : real_world {
     local();
 };
+/// With a shared key, which seals them.
+struct sealed_tcp : real_world {
+    sealed_tcp();
+};
+struct sealed_local : real_world {
+    sealed_local();
+};
 struct in_process : real_world {
     in_process();
 };

@@ -132,16 +132,16 @@ class RecordedSessions(unittest.IsolatedAsyncioTestCase):
         return out
 
     async def test_shared_key(self):
-        """Both programs and this reader know a key; whoever does not is told so."""
+        """Both programs and this reader know a key, by the old scheme; whoever does not is told so."""
         key = b"0123456789abcdef" * 4
         file = self.folder / "key"
         file.touch(0o600)
         file.write_bytes(key + b"\n")
         relay = await self.relay("", chunk_bytes=7)
-        provider = await self.stack.enter_async_context(Program(OPTIONS.party, "provide", "tcp://127.0.0.1:0", ISE_KEY=str(file),
+        provider = await self.stack.enter_async_context(Program(OPTIONS.party, "provide", "tcp://127.0.0.1:0", ISE_KEY=str(file), ISE_KEY_LEGACY="1",
                                                                 WIRE_PARTY_ADVERTISE=relay.at))
         relay.to = at = await provider.endpoint("at ")
-        async with Program(OPTIONS.party, "ask", relay.at, "calls", ISE_KEY=str(file)) as asker:
+        async with Program(OPTIONS.party, "ask", relay.at, "calls", ISE_KEY=str(file), ISE_KEY_LEGACY="1") as asker:
             while line := await asker.line():
                 last = line
             self.assertEqual((await asker.child.wait(), last), (0, "done"))

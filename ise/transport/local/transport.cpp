@@ -9,8 +9,8 @@ constinit const transport transports::local{
     .rank = 50,
     .same_host = true,
     .by_default = true,
-    .connect = net::connect_by_environment,
-    .listen = net::listen_by_environment,
+    .connect = net::connect_sealed,
+    .listen = net::listen_sealed,
 };
 
 } // namespace ise

@@ -7,8 +7,8 @@ constinit const transport transports::tcp{
     .example = "tcp://127.0.0.1:7400, tcp://[::1]:0",
     .rank = 100,
     .by_default = true,
-    .connect = net::connect_by_environment,
-    .listen = net::listen_by_environment,
+    .connect = net::connect_sealed,
+    .listen = net::listen_sealed,
 };
 
 } // namespace ise

@@ -1,8 +1,15 @@
 #include <ise/transport/tls/stream.hpp>
 
 #include <ise/core/verified_peer.hpp>
+#include <ise/packet/codec.hpp>
+#include <ise/transport/sealed_stream.hpp>
+#include <ise/transport/shared_key.hpp>
+#include <ise/transport/tls/psk.hpp>
 #include <ise/transport/tls/subject.hpp>
 #include <ise/transport/tls/verdict.hpp>
+#include <ise/wire/body.hpp>
+#include <ise/wire/frame.hpp>
+#include <ise/wire/messages.hpp>
 
 #include <fmt/format.h>
 
@@ -42,14 +49,96 @@ std::error_code made(trouble what) {
     return {static_cast<int>(what), category};
 }
 
-class tls_stream final : public stream, public verified_stream {
+// How the ends of a session prove who they are.
+class proof {
 public:
-    tls_stream(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with, std::string host)
-        : on_(on), below_(std::move(below)), with_(std::move(with)), host_(std::move(host)) {
-        auto peer = below_->peer();
-        auto rest = peer.find("://");
-        peer_ = "tls" + (rest == peer.npos ? "://" + peer : peer.substr(rest));
+    virtual ~proof() = default;
+    virtual result<std::shared_ptr<ssl_ctx_st>> context(environment& env) const = 0;
+    /// Readies one end, which calls `host` (empty: it was called); `verify` is called for each certificate of the peer.
+    /// False: OpenSSL has noted why not.
+    virtual bool prepare(SSL* tls, environment& env, const std::string& host,
+                         int (*verify)(int, X509_STORE_CTX*)) const = 0;
+    /// The handshake is over: why it proves nothing all the same.
+    virtual std::optional<failure> missing(SSL*) const { return std::nullopt; }
+    /// What the first failure that OpenSSL has noted means.
+    virtual failure noted() const = 0;
+    /// What who begins so, without TLS, is told before the end; nothing: that is OpenSSL's to say.
+    virtual std::optional<failure> stranger(bytes_view) const { return std::nullopt; }
+    /// How many bytes `stranger` looks at.
+    virtual std::size_t begin_bytes() const { return 0; }
+    virtual std::string_view what_began() const = 0;
+    /// The endpoint of this side, given that of the stream below.
+    virtual std::optional<endpoint> local(std::optional<endpoint> below) const = 0;
+};
+
+class by_certificate final : public proof {
+public:
+    explicit by_certificate(std::shared_ptr<identity> with) : with_(std::move(with)) {}
+
+    result<std::shared_ptr<ssl_ctx_st>> context(environment& env) const override { return with_->context(env); }
+    bool prepare(SSL* tls, environment& env, const std::string& host,
+                 int (*verify)(int, X509_STORE_CTX*)) const override;
+    failure noted() const override { return failure_noted(); }
+    std::string_view what_began() const override { return "TLS"; }
+    std::optional<endpoint> local(std::optional<endpoint> below) const override {
+        if (below) below->kind = protocol::tls;
+        return below;
     }
+
+private:
+    std::shared_ptr<identity> with_;
+};
+
+bool by_certificate::prepare(SSL* tls, environment& env, const std::string& host,
+                             int (*verify)(int, X509_STORE_CTX*)) const {
+    SSL_set_verify(tls, SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, verify);
+    auto* rules = SSL_get0_param(tls);
+    X509_VERIFY_PARAM_set_time(rules, std::chrono::system_clock::to_time_t(env.wall()));
+    if (host.empty()) return true;
+    if (X509_VERIFY_PARAM_set1_ip_asc(rules, host.c_str()) == 1) return true;
+    ERR_clear_error();
+    X509_VERIFY_PARAM_set_hostflags(rules, X509_CHECK_FLAG_NEVER_CHECK_SUBJECT | X509_CHECK_FLAG_NO_PARTIAL_WILDCARDS);
+    return X509_VERIFY_PARAM_set1_host(rules, host.data(), host.size()) == 1 &&
+           SSL_set_tlsext_host_name(tls, host.c_str()) == 1;
+}
+
+class by_key final : public proof {
+public:
+    explicit by_key(std::shared_ptr<const shared_key> with) : with_(std::move(with)) {}
+
+    result<std::shared_ptr<ssl_ctx_st>> context(environment&) const override { return with_->sealing(); }
+    bool prepare(SSL*, environment&, const std::string&, int (*)(int, X509_STORE_CTX*)) const override { return true; }
+    std::optional<failure> missing(SSL* tls) const override;
+    failure noted() const override { return psk_failure_noted(); }
+    std::optional<failure> stranger(bytes_view begin) const override;
+    std::size_t begin_bytes() const override { return 5; } // up to the type of a frame
+    std::string_view what_began() const override { return "the sealed session"; }
+    std::optional<endpoint> local(std::optional<endpoint> below) const override { return below; }
+
+private:
+    std::shared_ptr<const shared_key> with_;
+};
+
+// OpenSSL could go on without the key where a peer shows a certificate; there is none that is believed here.
+std::optional<failure> by_key::missing(SSL* tls) const {
+    if (SSL_session_reused(tls) == 1) return std::nullopt;
+    return failure(errc::unauthorized, "it did not prove that it knows the shared key of this side");
+}
+
+std::optional<failure> by_key::stranger(bytes_view begin) const {
+    if (asks_for_tls(begin).value_or(true)) return std::nullopt;
+    bool hello = begin.size() >= begin_bytes() && begin[2] == std::byte{0} && begin[3] == std::byte{0} &&
+                 begin[4] == static_cast<std::byte>(wire::frame_type::hello);
+    if (!hello) return failure(errc::protocol_error, "it does not seal the session, nor is it a peer of ISE");
+    auto text = std::string_view(reinterpret_cast<const char*>(begin.data()), begin.size());
+    return failure(errc::unauthorized, std::string(why_no_session(text)));
+}
+
+class tls_stream : public stream, public verified_stream {
+public:
+    /// `host`: the one that is called; empty: this side was called.
+    tls_stream(loop& on, std::unique_ptr<stream> below, std::unique_ptr<proof> with, std::string host, std::string peer)
+        : on_(on), below_(std::move(below)), with_(std::move(with)), host_(std::move(host)), peer_(std::move(peer)) {}
 
     /// Shakes hands, once.
     task<std::error_code> shake_hands();
@@ -62,11 +151,14 @@ public:
     void close() override { below_->close(); }
     std::string peer() const override { return peer_; }
     void add_verified(verified_peer& to) const override {
+        if (auto* below = dynamic_cast<const verified_stream*>(below_.get())) below->add_verified(to);
         std::lock_guard lock(mutex_);
         if (!greeted_) return;
         to.certificate = shown_.identity;
         to.serial = shown_.serial;
     }
+    std::string_view what_began() const { return with_->what_began(); }
+    std::optional<endpoint> local() const override { return with_->local(below_->local()); }
     std::optional<failure> verdict() const override {
         std::lock_guard lock(mutex_);
         return verdict_;
@@ -76,6 +168,8 @@ private:
     static int on_certificate(int good, X509_STORE_CTX* check);
     std::error_code prepare();
     std::error_code step(bool& done);
+    task<std::error_code> begin(std::vector<std::byte>& room);
+    task<void> turn_away(const failure& why);
     task<void> let_it_be_known();
     std::error_code fail();
     void feed(const void* data, std::size_t size) { BIO_write(SSL_get_rbio(tls_.get()), data, static_cast<int>(size)); }
@@ -83,8 +177,8 @@ private:
 
     loop& on_;
     std::unique_ptr<stream> below_;
-    std::shared_ptr<identity> with_;
-    std::string host_; // whom the certificate has to be for; empty: this side was called
+    std::unique_ptr<proof> with_; // outlives tls_
+    std::string host_;            // that is called; empty: this side was called
     std::string peer_;
     bool greeted_ = false;
 
@@ -116,7 +210,8 @@ int tls_stream::on_certificate(int good, X509_STORE_CTX* check) {
         X509_STORE_CTX_set_error(check, X509_V_ERR_APPLICATION_VERIFICATION);
         return 0;
     }
-    self->verdict_.emplace(errc::unauthorized, objection(*check, self->host_)); // within step(), which holds the mutex
+    // Within step(), which holds the mutex.
+    self->verdict_.emplace(errc::unauthorized, objection(*check, self->host_));
     return 0;
 }
 
@@ -135,27 +230,16 @@ std::error_code tls_stream::prepare() {
     BIO_set_mem_eof_return(out, -1);
     SSL_set_bio(tls_.get(), in, out);
     SSL_set_app_data(tls_.get(), this);
-    SSL_set_verify(tls_.get(), SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, on_certificate);
-    auto* rules = SSL_get0_param(tls_.get());
-    X509_VERIFY_PARAM_set_time(rules, std::chrono::system_clock::to_time_t(on_.env().wall()));
-    if (host_.empty()) {
-        SSL_set_accept_state(tls_.get());
-        return {};
-    }
-    SSL_set_connect_state(tls_.get());
-    if (X509_VERIFY_PARAM_set1_ip_asc(rules, host_.c_str()) == 1) return {};
-    ERR_clear_error();
-    X509_VERIFY_PARAM_set_hostflags(rules, X509_CHECK_FLAG_NEVER_CHECK_SUBJECT | X509_CHECK_FLAG_NO_PARTIAL_WILDCARDS);
-    if (X509_VERIFY_PARAM_set1_host(rules, host_.data(), host_.size()) == 1 &&
-        SSL_set_tlsext_host_name(tls_.get(), host_.c_str()) == 1)
-        return {};
-    verdict_ = failure_noted();
+    if (host_.empty()) SSL_set_accept_state(tls_.get());
+    else SSL_set_connect_state(tls_.get());
+    if (with_->prepare(tls_.get(), on_.env(), host_, on_certificate)) return {};
+    verdict_ = with_->noted();
     return broken_ = made(trouble::broken);
 }
 
 // OpenSSL has failed. With the mutex.
 std::error_code tls_stream::fail() {
-    auto noted = failure_noted();
+    auto noted = with_->noted();
     if (!verdict_) verdict_ = std::move(noted);
     return broken_ = made(trouble::broken);
 }
@@ -166,12 +250,54 @@ std::error_code tls_stream::step(bool& done) {
     int went = SSL_do_handshake(tls_.get());
     done = went == 1;
     if (!done && SSL_get_error(tls_.get(), went) != SSL_ERROR_WANT_READ) return fail();
-    return {};
+    if (done) verdict_ = with_->missing(tls_.get());
+    return verdict_ ? broken_ = made(trouble::broken) : std::error_code();
+}
+
+// Of the side that was called: looks at what comes first, which may be no TLS.
+task<std::error_code> tls_stream::begin(std::vector<std::byte>& room) {
+    std::size_t come = 0;
+    while (come < with_->begin_bytes()) {
+        auto moved = co_await below_->read_some(asio::buffer(room.data() + come, room.size() - come));
+        if (moved.problem) co_return moved.problem;
+        come += moved.bytes;
+    }
+    if (come == 0) co_return std::error_code();
+    auto why = with_->stranger(bytes_view(room.data(), come));
+    if (why) {
+        co_await turn_away(*why);
+        co_return broken_;
+    }
+    std::lock_guard lock(mutex_);
+    feed(room.data(), come);
+    co_return std::error_code();
+}
+
+// Who comes without TLS is told in frames, which he may read.
+task<void> tls_stream::turn_away(const failure& why) {
+    wire::farewell no;
+    no.code = static_cast<std::uint8_t>(why.code());
+    no.reason = why.message();
+    buffer out;
+    wire::put_frame(out, wire::frame_type::reject, 0, 0, [&](buffer& to) { encode(no, to); });
+    {
+        std::lock_guard lock(mutex_);
+        verdict_ = why;
+        broken_ = made(trouble::broken);
+        auto* from = out.data();
+        unsent_.assign(from, from + out.size());
+        sent_ = 0;
+    }
+    co_await let_it_be_known();
 }
 
 task<std::error_code> tls_stream::shake_hands() {
     if (auto problem = prepare()) co_return problem;
     std::vector<std::byte> room(4096);
+    if (host_.empty()) {
+        auto problem = co_await begin(room);
+        if (problem) co_return problem;
+    }
     for (;;) {
         bool done = false;
         if (auto problem = step(done)) {
@@ -309,22 +435,64 @@ void tls_stream::shutdown_write() {
     below_->shutdown_write();
 }
 
-} // namespace
+class tls_by_key final : public tls_stream, public sealed_stream {
+public:
+    using tls_stream::tls_stream;
+};
 
-std::unique_ptr<stream> answer(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with) {
-    return std::make_unique<tls_stream>(on, std::move(below), std::move(with), std::string());
+std::unique_ptr<tls_stream> make(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with,
+                                 std::string host) {
+    auto peer = below->peer();
+    auto rest = peer.find("://");
+    peer = "tls" + (rest == peer.npos ? "://" + peer : peer.substr(rest));
+    return std::make_unique<tls_stream>(on, std::move(below), std::make_unique<by_certificate>(std::move(with)),
+                                        std::move(host), std::move(peer));
 }
 
-task<result<std::unique_ptr<stream>>> greet(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with,
-                                            endpoint to) {
-    auto secured = std::make_unique<tls_stream>(on, std::move(below), std::move(with), to.host);
+std::unique_ptr<tls_stream> make(loop& on, std::unique_ptr<stream> below, std::shared_ptr<const shared_key> with,
+                                 std::string host) {
+    auto peer = below->peer();
+    return std::make_unique<tls_by_key>(on, std::move(below), std::make_unique<by_key>(std::move(with)),
+                                        std::move(host), std::move(peer));
+}
+
+task<result<std::unique_ptr<stream>>> shaken(std::unique_ptr<tls_stream> secured, endpoint to) {
     auto problem = co_await secured->shake_hands();
     if (!problem) co_return std::unique_ptr<stream>(std::move(secured));
     if (problem == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
     auto why = secured->verdict();
     if (why) co_return failure(why->code(), fmt::format("{}: {}", to.text(), why->message()));
-    auto text = problem == asio::error::eof ? "closed the connection when TLS was to begin" : problem.message();
+    auto text = problem == asio::error::eof
+                    ? fmt::format("closed the connection when {} was to begin{}", secured->what_began(),
+                                  dynamic_cast<sealed_stream*>(secured.get())
+                                      ? ": it is overloaded, or of a version that seals none (ISE_KEY_LEGACY=1)"
+                                      : "")
+                    : problem.message();
     co_return failure(errc::unreachable, fmt::format("{}: {}", to.text(), text));
+}
+
+} // namespace
+
+std::unique_ptr<stream> answer(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with) {
+    return make(on, std::move(below), std::move(with), std::string());
+}
+
+std::unique_ptr<stream> answer(loop& on, std::unique_ptr<stream> below, std::shared_ptr<const shared_key> with) {
+    return make(on, std::move(below), std::move(with), std::string());
+}
+
+task<result<std::unique_ptr<stream>>> greet(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with,
+                                            endpoint to) {
+    auto secured = make(on, std::move(below), std::move(with), to.host);
+    auto got = co_await shaken(std::move(secured), std::move(to));
+    co_return got;
+}
+
+task<result<std::unique_ptr<stream>>> greet(loop& on, std::unique_ptr<stream> below,
+                                            std::shared_ptr<const shared_key> with, endpoint to) {
+    auto secured = make(on, std::move(below), std::move(with), to.text());
+    auto got = co_await shaken(std::move(secured), std::move(to));
+    co_return got;
 }
 
 } // namespace ise::net::tls

@@ -7,6 +7,10 @@
 
 #include <memory>
 
+namespace ise {
+class shared_key;
+}
+
 namespace ise::net::tls {
 
 /// A stream in TLS over another one. It is of the memory BIOs of OpenSSL and not asio::ssl::stream, which can neither
@@ -20,5 +24,12 @@ std::unique_ptr<stream> answer(loop& on, std::unique_ptr<stream> below, std::sha
 /// is closed.
 task<result<std::unique_ptr<stream>>> greet(loop& on, std::unique_ptr<stream> below, std::shared_ptr<identity> with,
                                             endpoint to);
+
+/// The same with a shared key that seals, in the place of certificates: the streams are `sealed_stream`s, and keep the
+/// name of their peer. A side that was called answers who comes without TLS by a reject (FORMAT.md, section 17).
+std::unique_ptr<stream> answer(loop& on, std::unique_ptr<stream> below, std::shared_ptr<const shared_key> with);
+/// Of the side that calls. Errors as transport::connect. Cancellation: terminal; the stream is closed.
+task<result<std::unique_ptr<stream>>> greet(loop& on, std::unique_ptr<stream> below,
+                                            std::shared_ptr<const shared_key> with, endpoint to);
 
 } // namespace ise::net::tls

@@ -1,5 +1,7 @@
 #include <ise/transport/tls/verdict.hpp>
 
+#include <ise/transport/tls/psk.hpp>
+
 #include <fmt/format.h>
 
 #include <openssl/err.h>
@@ -69,6 +71,9 @@ failure refused_by_peer(int alert) {
         case SSL_AD_CERTIFICATE_UNKNOWN:
         case SSL_AD_ACCESS_DENIED: return ours("for a reason that it keeps to itself");
         case SSL_AD_PROTOCOL_VERSION: return {errc::protocol_error, "it speaks no TLS 1.3"};
+        case static_cast<int>(refusal::no_key):
+        case static_cast<int>(refusal::old_scheme): // a listener on tcp:// or local:// (FORMAT.md, section 17)
+            return {errc::protocol_error, "it speaks without TLS: one side has tls://, the other not"};
         default:
             return {errc::protocol_error,
                     fmt::format("it ended TLS by alert {} ({})", alert, SSL_alert_desc_string_long(alert))};

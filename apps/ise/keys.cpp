@@ -1,0 +1,368 @@
+// ise keys: certificates of a system, without openssl's own command. Talks to no component.
+#include "json.hpp"
+#include "keys_files.hpp"
+#include "options.hpp"
+#include "pki.hpp"
+#include "text.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace ise::cli {
+namespace {
+
+using pki::days;
+using pki::moment;
+
+constexpr days authority_days{3650};
+constexpr days shore_days{30};
+constexpr days boat_days{400};
+// As long as a boat's certificate: a host that is away gets no new list, and without one it refuses every peer.
+constexpr days list_days{400};
+constexpr int most_days = 36500;
+
+moment now() { return std::chrono::floor<std::chrono::seconds>(std::chrono::system_clock::now()); }
+
+struct keys_options {
+    std::string system, identity, folder, authority = "authority";
+    std::vector<std::string> hosts, what, into;
+    std::optional<std::uint64_t> days;
+    bool boat = false, at_once = false;
+};
+
+days days_of(const keys_options& given, days otherwise) {
+    if (!given.days) return otherwise;
+    if (*given.days == 0 || *given.days > most_days)
+        throw problem(exit_code::usage, "usage", fmt::format("--days: from 1 to {}, not {}", most_days, *given.days));
+    return days(*given.days);
+}
+
+std::string in(const std::string& folder, const char* file) { return (std::filesystem::path(folder) / file).string(); }
+
+// Names the file that it is about in every problem.
+template <class Work>
+auto about(const std::string& file, Work work) {
+    try {
+        return work();
+    } catch (const problem& why) {
+        throw problem(why.code(), why.name(), fmt::format("{}: {}", file, why.what()), why.advice());
+    }
+}
+
+// The folder of an authority: ca.pem, ca-key.pem, revoked.pem once there is a list, and issued/ with what it signed.
+class office {
+public:
+    explicit office(std::string folder) : folder_(std::move(folder)) {
+        if (!is_there(in(folder_, "ca-key.pem")))
+            throw problem(exit_code::failed, "no_authority",
+                          fmt::format("{} is no folder of an authority: there is no ca-key.pem in it", folder_),
+                          "ise keys ca SYSTEM makes one; --authority FOLDER says where it is");
+        who.certificate = read_public(in(folder_, "ca.pem"));
+        who.key = read_private(in(folder_, "ca-key.pem"));
+        if (is_there(in(folder_, "revoked.pem"))) who.list = read_public(in(folder_, "revoked.pem"));
+    }
+
+    pki::authority who;
+
+    /// Keeps a copy of what was signed, for who is to be revoked later.
+    void file(const std::string& certificate) const {
+        auto serial = pki::describe(certificate, "the certificate").front().serial;
+        make_folder(in(folder_, "issued"));
+        write_new(in(in(folder_, "issued"), (serial + ".pem").c_str()), certificate, public_mode);
+    }
+    void keep_list() const { replace(in(folder_, "revoked.pem"), who.list, public_mode); }
+
+    /// Every certificate that was issued to an identity, or to a name within the system.
+    std::vector<std::string> issued_to(const std::string& whom) const {
+        std::vector<std::string> found;
+        std::error_code none;
+        for (const auto& entry : std::filesystem::directory_iterator(in(folder_, "issued"), none)) {
+            if (entry.path().extension() != ".pem") continue;
+            auto text = read_public(entry.path().string());
+            auto identity = pki::describe(text, entry.path().string()).front().identity;
+            if (identity == whom || identity == "ise://" + pki::system_of(identity) + "/" + whom)
+                found.push_back(std::move(text));
+        }
+        return found;
+    }
+
+private:
+    std::string folder_;
+};
+
+// What a command says: lines for people, or a line of JSON.
+struct done_line {
+    std::string did, file, identity;
+    if_any<std::string> until;
+};
+
+std::string told(const settings& set, const done_line& one, const std::string& text) {
+    return set.json ? json_line(one) : text + "\n";
+}
+
+std::string make_authority(const settings& set, const keys_options& given) {
+    auto valid = days_of(given, authority_days);
+    auto made = pki::authority::make(given.system, now(), valid);
+    make_folder(given.authority);
+    write_new(in(given.authority, "ca-key.pem"), made.key, secret_mode);
+    write_new(in(given.authority, "ca.pem"), made.certificate, public_mode);
+    done_line line{"ca", in(given.authority, "ca.pem"), "ise://" + given.system, show_wall(now() + valid)};
+    return told(set, line,
+                fmt::format("{} signs for ise://{}/ until {}; keep {} on this machine", line.file, given.system,
+                            *line.until, in(given.authority, "ca-key.pem")));
+}
+
+std::string request(const settings& set, const keys_options& given) {
+    pki::system_of(given.identity);
+    auto folder = given.folder.empty() ? given.identity.substr(given.identity.rfind('/') + 1) : given.folder;
+    pki::subject whose;
+    whose.identity = given.identity;
+    whose.hosts = given.hosts;
+    auto made = pki::make_request(whose);
+    make_folder(folder);
+    write_new(in(folder, "key.pem"), made.key, secret_mode);
+    write_new(in(folder, "request.pem"), made.request, public_mode);
+    done_line line{"request", in(folder, "request.pem"), given.identity, {}};
+    return told(set, line,
+                fmt::format("{} asks for a certificate of {}{}; {} stays on this machine", line.file, given.identity,
+                            given.hosts.empty() ? ", which cannot listen (no --host)" : "", in(folder, "key.pem")));
+}
+
+std::string issue(const settings& set, const keys_options& given) {
+    auto valid = days_of(given, given.boat ? boat_days : shore_days);
+    office by(given.authority);
+    std::string text;
+    for (const auto& what : given.what) {
+        auto file = is_folder(what) ? in(what, "request.pem") : what;
+        auto folder = is_folder(what) ? what : std::filesystem::path(what).parent_path().string();
+        auto target = in(folder, "certificate.pem");
+        if (is_there(target))
+            throw problem(exit_code::failed, "exists", fmt::format("{} is there already; it is not replaced", target),
+                          "ise keys renew replaces one, with the same key");
+        auto signed_now = now();
+        auto made = about(file, [&] { return by.who.sign(read_public(file), signed_now, valid); });
+        by.file(made);
+        write_new(target, made, public_mode);
+        replace(in(folder, "ca.pem"), by.who.trusted(), public_mode);
+        auto known = pki::describe(made, target).front();
+        done_line line{"issue", target, known.identity, show_wall(*known.until)};
+        text += told(set, line, fmt::format("{} is for {} until {}", target, known.identity, *line.until));
+    }
+    return text;
+}
+
+// A certificate, or a list, of which a third or less is left.
+bool is_due(const std::string& text, const std::string& from) {
+    auto due = pki::describe(text, from).front().renew_at();
+    return due && now() >= *due;
+}
+
+std::string renew(const settings& set, const keys_options& given) {
+    office by(given.authority);
+    if (!by.who.list.empty() && (given.at_once || is_due(by.who.list, "revoked.pem"))) {
+        by.who.list_again(now());
+        by.keep_list();
+    }
+    std::string text;
+    for (const auto& folder : given.what) {
+        auto file = in(folder, "certificate.pem");
+        auto old = read_public(file);
+        auto known = pki::describe(old, file).front();
+        if (given.at_once || is_due(old, file)) {
+            auto made = about(file, [&] { return by.who.sign_again(old, now()); });
+            by.file(made);
+            replace(file, made, public_mode);
+            known = pki::describe(made, file).front();
+            done_line line{"renew", file, known.identity, show_wall(*known.until)};
+            text += told(set, line, fmt::format("{} is for {} until {}", file, known.identity, *line.until));
+        } else {
+            done_line line{"nothing", file, known.identity, show_wall(*known.until)};
+            text += told(set, line,
+                         fmt::format("{} is good until {}, and renewed from {} on", file, *line.until,
+                                     show_wall(*known.renew_at())));
+        }
+        if (auto trusted = in(folder, "ca.pem"); !is_there(trusted) || read_public(trusted) != by.who.trusted())
+            replace(trusted, by.who.trusted(), public_mode);
+    }
+    return text;
+}
+
+std::string revoke(const settings& set, const keys_options& given) {
+    auto valid = days_of(given, list_days);
+    office by(given.authority);
+    std::vector<std::string> all;
+    std::string text;
+    for (const auto& what : given.what) {
+        auto certificate = is_folder(what) ? in(what, "certificate.pem") : what;
+        std::vector<std::string> found;
+        if (what.starts_with("ise://") || !is_there(certificate)) found = by.issued_to(what);
+        else found.push_back(read_public(certificate));
+        if (found.empty())
+            throw problem(exit_code::failed, "unknown",
+                          fmt::format("'{}' is no certificate, no folder with one, and nothing was issued to it by {}",
+                                      what, given.authority),
+                          "ise keys show FILE says what a file is");
+        for (const auto& one : found) {
+            auto known = pki::describe(one, certificate).front();
+            done_line line{"revoke", known.serial, known.identity, show_wall(now() + valid)};
+            text += told(set, line, fmt::format("revoked: {} of {}", known.serial, known.identity));
+            all.push_back(one);
+        }
+    }
+    about(fmt::format("{}", enumerate(given.what)), [&] {
+        by.who.revoke(all, now(), valid);
+        return 0;
+    });
+    by.keep_list();
+    for (const auto& folder : given.into) replace(in(folder, "ca.pem"), by.who.trusted(), public_mode);
+    if (set.json) return text;
+    auto rest = given.into.empty() ? fmt::format("ise keys renew FOLDER puts it into the ca.pem of a host")
+                                   : fmt::format("it is in the ca.pem of {}", enumerate(given.into));
+    return text + fmt::format("{} lists them until {}; {}\n", in(given.authority, "revoked.pem"),
+                              show_wall(now() + valid), rest);
+}
+
+struct show_line {
+    std::string file, kind, identity;
+    std::vector<std::string> hosts;
+    std::string subject, issuer, serial, fingerprint, public_key;
+    if_any<std::string> valid_from, valid_until, renew_at;
+    std::vector<std::string> revoked;
+    std::string trouble;
+};
+
+std::string show(const settings& set, const keys_options& given) {
+    std::vector<show_line> lines;
+    std::string text;
+    for (const auto& what : given.what) {
+        std::vector<std::string> files{what};
+        if (is_folder(what)) {
+            files.clear();
+            for (const char* file : {"ca.pem", "certificate.pem", "request.pem", "key.pem"})
+                if (is_there(in(what, file))) files.push_back(in(what, file));
+            if (files.empty())
+                throw problem(exit_code::failed, "nothing",
+                              fmt::format("{} has none of ca.pem, certificate.pem, "
+                                          "request.pem and key.pem",
+                                          what));
+        }
+        for (const auto& file : files) {
+            // A private key is only named: what it is, never what is in it.
+            for (auto& one : pki::describe(read_public(file), file)) {
+                if (one.trouble.empty() && one.from && now() < *one.from) one.trouble = "it is not valid yet";
+                if (one.trouble.empty() && one.until && now() >= *one.until)
+                    one.trouble = one.kind == "revocation list" ? "it is out of date: peers are refused because of it"
+                                                                : "it has expired";
+                show_line line;
+                line.file = file;
+                line.kind = one.kind;
+                line.identity = one.identity;
+                line.hosts = one.hosts;
+                line.subject = printable(one.subject);
+                line.issuer = printable(one.issuer);
+                line.serial = one.serial;
+                line.fingerprint = one.fingerprint;
+                line.public_key = one.public_key;
+                if (one.from) line.valid_from = show_wall(*one.from);
+                if (one.until) line.valid_until = show_wall(*one.until);
+                if (one.kind == "certificate") line.renew_at = show_wall(*one.renew_at());
+                line.revoked = one.revoked;
+                line.trouble = one.trouble;
+                text += fmt::format("{}: {}\n", file, one.kind);
+                auto say = [&](std::string_view name, const std::string& value) {
+                    if (!value.empty()) text += fmt::format("  {:<12} {}\n", name, printable(value));
+                };
+                say("identity", one.identity);
+                say("hosts", enumerate(one.hosts));
+                say("subject", one.subject);
+                say("issuer", one.issuer);
+                say("serial", one.serial);
+                say("SHA-256", one.fingerprint);
+                say("key", one.public_key);
+                say("valid from", line.valid_from.value_or(""));
+                say("valid until", line.valid_until.value_or(""));
+                say("renewed from", line.renew_at.value_or(""));
+                if (one.kind == "revocation list")
+                    say("revoked", one.revoked.empty() ? "nothing" : enumerate(one.revoked));
+                say("trouble", one.trouble);
+                lines.push_back(std::move(line));
+            }
+        }
+    }
+    return set.json ? json_line(lines) : text;
+}
+
+using action = std::string (*)(const settings&, const keys_options&);
+
+CLI::App* add_action(CLI::App& app, parsed_command& made, const std::shared_ptr<keys_options>& given, const char* name,
+                     const char* summary, action act) {
+    auto* added = app.add_subcommand(name, summary);
+    added->group("Actions");
+    added->callback([&made, given, act] { made.text = act(made.set, *given); });
+    return added;
+}
+
+void add_authority(CLI::App& to, keys_options& given) {
+    to.add_option("--authority", given.authority, "its folder (default: authority)")->type_name("FOLDER");
+}
+
+void add_days(CLI::App& to, keys_options& given, const char* description) {
+    to.add_option("--days", given.days, description)->type_name("N");
+}
+
+void declare_keys(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<keys_options>();
+    app.require_subcommand(1);
+    auto* ca = add_action(app, made, given, "ca", "makes an authority, which signs for a system", make_authority);
+    ca->add_option("SYSTEM", given->system, "its name: identities are ise://SYSTEM/NAME")->required();
+    add_authority(*ca, *given);
+    add_days(*ca, *given, "for which it is valid (default: 3650)");
+
+    auto* ask =
+        add_action(app, made, given, "request", "makes a private key and a request for its certificate", request);
+    ask->add_option("IDENTITY", given->identity, "ise://SYSTEM/NAME")->required();
+    add_each(*ask, "--host", given->hosts, "a name or address by which peers reach it; may be repeated", "HOST");
+    ask->add_option("--folder", given->folder, "where they are put (default: the last part of the name)")
+        ->type_name("FOLDER");
+
+    auto* sign = add_action(app, made, given, "issue", "signs requests: certificate.pem and ca.pem beside them", issue);
+    sign->add_option("REQUEST", given->what, "a request, or the folder with request.pem")->required();
+    add_authority(*sign, *given);
+    add_days(*sign, *given, "for which they are valid (default: 30)");
+    sign->add_flag("--boat", given->boat, "valid for 400 days, for hosts that cannot be reached");
+
+    auto* again = add_action(app, made, given, "renew",
+                             "issues certificates again of which two thirds have passed, with the same key", renew);
+    again->add_option("FOLDER", given->what, "with certificate.pem")->required();
+    add_authority(*again, *given);
+    again->add_flag("--now", given->at_once, "also if less has passed");
+
+    auto* no = add_action(app, made, given, "revoke", "adds certificates to the list of revoked ones", revoke);
+    no->add_option("WHAT", given->what, "an identity or its name, a certificate, or a folder with one")->required();
+    add_authority(*no, *given);
+    add_days(*no, *given, "until which the list is valid (default: 400)");
+    add_each(*no, "--into", given->into, "the folder of a host, whose ca.pem gets the list; may be repeated", "FOLDER");
+
+    auto* look =
+        add_action(app, made, given, "show", "what a file is: whose, by whom, how long; never a private key", show);
+    look->add_option("FILE", given->what, "a file, or a folder of a host")->required();
+}
+
+} // namespace
+
+extern const command keys_command{"keys", deploy_group, "makes, renews and revokes the certificates of a system",
+                                  "  ise keys ca robots\n"
+                                  "  ise keys request ise://robots/shore --host shore.local --host 192.168.1.5\n"
+                                  "  ise keys issue shore\n"
+                                  "  ise keys revoke laptop --into shore --into boat\n",
+                                  declare_keys};
+
+} // namespace ise::cli
