@@ -64,6 +64,9 @@ component_type boat_simulator_type() {
     set.add("gprs-memory", options->uplink.capacity, "capacity of its memory for unacknowledged packets").range(1, 1e6);
     set.add("memory", options->memory_file, "file with its state over a loss of power (SQLite); empty: no memory")
         .kind(parameter_kind::path);
+    set.add("fence", options->fence_file, "GeoJSON file of the area that it does not leave; empty: none")
+        .kind(parameter_kind::path);
+    set.add("coast", options->keeps_off_coast, "turns back before the coast");
     set.add("boot", options->boot, "number of this boot; 0: random, or the last one plus one if it has a memory");
     type.provides(services::scene_control).provides(services::truth);
     type.makes<boat_simulator>(options);

@@ -119,6 +119,7 @@ ise::task<> operator_seat::give_at_console(std::size_t which) {
     what.command = self_.commands[which].request.command;
     what.via = std::string(communication_role);
     what.valid_s = self_.commands[which].request.valid_s;
+    what.over_limits = true; // random commands: their courses are nobody's
     auto last = until(self_.commands[which]);
     for (bool taken = false; !taken && time_() < last;) {
         taken = console_->act(what);

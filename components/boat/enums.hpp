@@ -13,8 +13,9 @@ namespace atirma {
 // telecommands.hpp.
 
 enum class sailing_mode : std::uint8_t {
+    // In the windows: Manual, Heading, Auto, RTL, Loiter (gui_client/words.cpp), as other autopilots call them.
     manual = 0,       ///< actuators stay where they are; whoever holds the remote control steers
-    hold = 1,         ///< keeps the heading it had when the mode was set
+    hold = 1,         ///< keeps the heading it had when the mode was set, for heading_time_limit at most
     automatic = 2,    ///< sails the waypoints
     return_home = 3,  ///< sails to the home position, then keeps station there
     station_keep = 4, ///< stays around the position where the mode was set
@@ -36,8 +37,10 @@ enum class parameter_id : std::uint8_t {
     forbidden_angle_downwind = 2,
     telemetry_period = 3,
     leeway_compensation = 4,
+    heading_time_limit = 5,
+    fence = 6,
 };
-inline constexpr std::size_t parameter_count = 5;
+inline constexpr std::size_t parameter_count = 7;
 
 enum class ack_code : std::uint8_t {
     done = 0,

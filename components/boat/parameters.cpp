@@ -15,6 +15,9 @@ std::span<const parameter_info> parameters() noexcept {
         {parameter_id::forbidden_angle_downwind, "deg", "closest angle to dead downwind; 0 lets it run", 0, 60, 0},
         {parameter_id::telemetry_period, "s", "period of location and navigation on the radio link", 0.5f, 3600, 2},
         {parameter_id::leeway_compensation, "1", "part of the measured leeway that the course allows for", 0, 1, 0},
+        {parameter_id::heading_time_limit, "s",
+         "a heading, or Manual without a remote control, is kept so long; then the boat loiters", 60, 86400, 900},
+        {parameter_id::fence, "1", "1: the boat turns back at its fence and at the coast; 0: it does not", 0, 1, 1},
     }};
     return table;
 }

@@ -151,6 +151,10 @@ struct set_parameter {
                                            .words = "{parameter} := {value}",
                                            .returns_value = true};
     std::array<argument_range, 1> ranges() const { return {range_of("value", parameter)}; }
+    constexpr std::string_view danger() const {
+        if (parameter != parameter_id::fence || value != 0) return {};
+        return "The boat then leaves its fence and sails onto the coast if its course leads there.";
+    }
     static argument_range range_of(std::string_view argument, parameter_id id); ///< parameters.hpp has them
 };
 

@@ -32,7 +32,8 @@ void read(reader& in, location& p) {
 void write(writer& out, const navigation& p) {
     out.enumerator(p.mode);
     out.enumerator(p.on);
-    out.integer(static_cast<std::uint8_t>((p.in_irons ? 1 : 0) | (p.remote_control ? 2 : 0) | (p.beacon ? 4 : 0)));
+    out.integer(static_cast<std::uint8_t>((p.in_irons ? 1 : 0) | (p.remote_control ? 2 : 0) | (p.beacon ? 4 : 0) |
+                                          (p.at_fence ? 8 : 0)));
     out.direction(p.heading_deg);
     for (float angle : {p.heel_deg, p.pitch_deg, p.rudder_commanded_deg, p.rudder_measured_deg, p.sail_commanded_deg,
                         p.sail_measured_deg})
@@ -52,6 +53,7 @@ void read(reader& in, navigation& p) {
     p.in_irons = flags & 1;
     p.remote_control = flags & 2;
     p.beacon = flags & 4;
+    p.at_fence = flags & 8;
     p.heading_deg = static_cast<float>(in.direction("heading"));
     for (float* angle : {&p.heel_deg, &p.pitch_deg, &p.rudder_commanded_deg, &p.rudder_measured_deg,
                          &p.sail_commanded_deg, &p.sail_measured_deg})

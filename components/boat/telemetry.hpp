@@ -51,6 +51,7 @@ struct navigation {
     float course_to_steer_deg = 0;     ///< true
     float cross_track_error_m = 0;     ///< right of the leg positive
     std::uint16_t laps = 0;            ///< of the whole list, since it was changed
+    bool at_fence = false;             ///< it has turned back at its fence or at the coast, and loiters
     bool operator==(const navigation&) const = default;
 };
 

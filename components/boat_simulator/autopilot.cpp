@@ -56,6 +56,12 @@ void autopilot::set_mode(sailing_mode mode, const boat_state& state, wind_vector
     }
 }
 
+void autopilot::keep_station(waypoint place, const boat_state& state, wind_vector wind) {
+    set_mode(sailing_mode::station_keep, state, wind);
+    station_ = chart_.to_metres(place);
+    aim_around_station(state, wind);
+}
+
 ise::result<void> autopilot::insert(std::size_t before, waypoint point, const boat_state& state) {
     if (list_.size() >= max_waypoints)
         return ise::failure(ise::errc::overloaded, fmt::format("the list is full: {} waypoints", max_waypoints));

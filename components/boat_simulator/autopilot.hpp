@@ -21,6 +21,8 @@ public:
 
     void set_mode(sailing_mode mode, const boat_state& state, wind_vector wind);
     sailing_mode mode() const { return mode_; }
+    /// Sails to that place and stays around it.
+    void keep_station(waypoint place, const boat_state& state, wind_vector wind);
 
     const std::vector<waypoint>& list() const { return list_; }
     std::uint16_t revision() const { return revision_; } ///< of list and parameters: grows with each change

@@ -80,18 +80,28 @@ struct simulated_boat::command_handlers {
         return std::string();
     }
 
+    ise::result<void> fence_allows(std::size_t before, const waypoint& point) const {
+        if (boat.pilot_.parameter(parameter_id::fence) == 0) return {};
+        const auto& list = boat.pilot_.list();
+        return boat.guard_.allows(point, before > 0 && before <= list.size() ? &list[before - 1] : nullptr,
+                                  before < list.size() ? &list[before] : nullptr);
+    }
+
     outcome operator()(const commands::ping&) {
         return fmt::format("boot {}, up {:.0f} s", boat.boot_, boat.now_s_ - boat.booted_s_);
     }
     outcome operator()(const commands::set_mode& to) {
         boat.pilot_.set_mode(to.mode, boat.state_, to_vector(boat.true_wind()));
+        boat.guard_.on_mode(boat.now_s_);
         boat.schedule_.request(packet_type::navigation);
         return std::string(name_of(to.mode));
     }
     outcome operator()(const commands::waypoint_insert& at) {
+        if (auto good = fence_allows(at.index, at.point); !good) return good.error();
         return list_changed(boat.pilot_.insert(at.index, at.point, boat.state_));
     }
     outcome operator()(const commands::waypoint_add& at) {
+        if (auto good = fence_allows(boat.pilot_.list().size(), at.point); !good) return good.error();
         return list_changed(boat.pilot_.insert(boat.pilot_.list().size(), at.point, boat.state_));
     }
     outcome operator()(const commands::waypoint_delete& at) {
@@ -111,6 +121,8 @@ struct simulated_boat::command_handlers {
     outcome operator()(const commands::set_parameter& to) {
         auto done = boat.pilot_.set_parameter(to.parameter, to.value);
         if (!done) return done.error();
+        if (to.parameter == parameter_id::fence)
+            boat.say(to.value == 0 ? "fence off: it may leave its fence and run aground" : "fence on");
         if (to.parameter == parameter_id::telemetry_period)
             boat.schedule_.set_period(link_id::xbee, to.value, boat.now_s_);
         boat.schedule_.request(packet_type::configuration);

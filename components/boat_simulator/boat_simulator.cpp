@@ -62,6 +62,16 @@ std::uint16_t boat_simulator::drawn_boot() {
     }
 }
 
+std::shared_ptr<const sea_limits> boat_simulator::read_limits() {
+    if (options_.fence_file.empty() && !options_.keeps_off_coast) return nullptr;
+    geofence fence;
+    if (!options_.fence_file.empty()) {
+        auto text = env().read_file(options_.fence_file, geofence::max_bytes + 1).value();
+        fence = geofence::parse(text, options_.fence_file).value();
+    }
+    return std::make_shared<const sea_limits>(std::move(fence), options_.keeps_off_coast);
+}
+
 void boat_simulator::make_boat() {
     in_range("the speedup", options_.speedup, 0.1, 1000);
     simulator::boat_options made;
@@ -81,6 +91,7 @@ void boat_simulator::make_boat() {
         if (period_s != 0) in_range("the period of telemetry over GPRS in seconds", period_s, 0.5, 86400);
         made.telemetry_period_s[static_cast<std::size_t>(link_id::gprs)] = period_s;
     }
+    made.limits = read_limits();
     made.boot = options_.boot != 0 ? options_.boot : drawn_boot();
     wind_ = std::make_shared<simulator::scene_wind>(make_wind());
     if (!options_.memory_file.empty()) open_memory(made);

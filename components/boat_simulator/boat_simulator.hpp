@@ -32,6 +32,8 @@ struct boat_simulator_options {
     double gprs_period_s = 5;    ///< of telemetry there, at the start; 0 is off
     /// File with its state over a loss of power (boat_memory.hpp): it then continues at its position. Empty: no memory.
     std::string memory_file;
+    std::string fence_file;      ///< GeoJSON (components/coast): the boat stays within it; empty: it has no fence
+    bool keeps_off_coast = true; ///< it turns back before the coast of components/coast
     ise::duration truth_period = std::chrono::milliseconds(500);
 };
 
@@ -55,6 +57,7 @@ public:
 private:
     ise::task<> run() override;
     std::shared_ptr<const simulator::wind_source> make_wind();
+    std::shared_ptr<const sea_limits> read_limits();
     void make_boat();
     std::uint16_t drawn_boot();
     void sail();

@@ -25,7 +25,7 @@ waypoint start_of(const boat_options& options) {
 
 simulated_boat::simulated_boat(boat_options options, std::shared_ptr<const wind_source> wind)
     : options_(std::move(options)), wind_(std::move(wind)), chart_(start_of(options_)), pilot_(chart_.origin()),
-      boot_(options_.boot) {
+      guard_(options_.limits), boot_(options_.boot) {
     if (!wind_) throw ise::error(ise::errc::invalid_argument, "a simulated boat without a wind");
     auto air = to_vector(wind_->at(0));
     state_.heading_rad =
@@ -103,6 +103,7 @@ void simulated_boat::sail(double dt_s) {
         double drift = wrap_rad(state_.heading_rad - angle_rad(ground_velocity_));
         leeway_rad_ += 0.02 * (std::clamp(drift, -0.5, 0.5) - leeway_rad_);
     }
+    if (!starting()) obey_guard(air);
     double from_bow = wrap_rad(air.towards_rad + pi - state_.heading_rad);
     bool stuck = std::abs(state_.speed_mps) < 0.08 && std::abs(from_bow) < pi / 4 && air.speed_mps > 0.5;
     irons_s_ = stuck ? irons_s_ + dt_s : 0;
@@ -114,6 +115,22 @@ void simulated_boat::sail(double dt_s) {
         schedule_.request(packet_type::navigation);
         say(was_in_irons_ ? "in irons: head to wind without way" : "out of irons");
     }
+}
+
+void simulated_boat::obey_guard(wind_vector air) {
+    guarded_state now;
+    now.now_s = now_s_;
+    now.at = chart_.to_waypoint(state_.position_m);
+    now.east_mps = ground_velocity_.x;
+    now.north_mps = ground_velocity_.y;
+    now.mode = pilot_.mode();
+    now.fence_on = pilot_.parameter(parameter_id::fence) != 0;
+    now.heading_time_limit_s = static_cast<double>(pilot_.parameter(parameter_id::heading_time_limit));
+    auto order = guard_.update(now);
+    if (!order) return;
+    pilot_.keep_station(order->station, state_, air);
+    schedule_.request(packet_type::navigation);
+    say(order->why);
 }
 
 power simulated_boat::power_now() const {

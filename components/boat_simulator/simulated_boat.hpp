@@ -1,6 +1,7 @@
 #pragma once
 #include <components/boat/telecommand.hpp>
 #include <components/boat_simulator/autopilot.hpp>
+#include <components/boat_simulator/boat_guard.hpp>
 #include <components/boat_simulator/course.hpp>
 #include <components/boat_simulator/telemetry_schedule.hpp>
 #include <components/boat_simulator/wind_source.hpp>
@@ -41,6 +42,7 @@ struct boat_options {
     std::vector<acknowledgement> executed; ///< telecommands of before, oldest first: repetitions of them change nothing
     std::uint64_t seed = 1;                ///< for the noise of the instruments
     boat_parameters model = small_boat_parameters();
+    std::shared_ptr<const sea_limits> limits; ///< coast and fence; null: it knows none
 };
 
 /// A packet for a link, ready to send.
@@ -108,6 +110,7 @@ public:
 private:
     void resume(const remembered_boat& from);
     void sail(double dt_s);
+    void obey_guard(wind_vector air);
     void emit_due();
     void emit(link_id link, const telemetry_body& body);
     void emit(link_id link, packet_type type);
@@ -126,6 +129,7 @@ private:
     std::shared_ptr<const wind_source> wind_;
     local_chart chart_;
     autopilot pilot_;
+    boat_guard guard_;
     telemetry_schedule schedule_;
     boat_state state_;
     actuators set_;

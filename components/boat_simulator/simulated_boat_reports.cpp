@@ -30,6 +30,7 @@ navigation simulated_boat::navigation_now() const {
     p.on = ap.speed_mps < 0.1 ? tack::none : bow_angle_deg(ap) > 0 ? tack::starboard : tack::port;
     p.in_irons = in_irons();
     p.beacon = beacon_;
+    p.at_fence = guard_.at_fence();
     p.heading_deg = static_cast<float>(compass_deg(state_.heading_rad));
     p.heel_deg = static_cast<float>(degrees(state_.heel_rad));
     p.rudder_commanded_deg = p.rudder_measured_deg = static_cast<float>(degrees(set_.rudder_rad));

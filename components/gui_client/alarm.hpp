@@ -1,14 +1,19 @@
 #pragma once
 #include <components/boat/telemetry.hpp>
 
+#include <deque>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace atirma::console {
 
 enum class severity : std::uint8_t { notice, warning, critical };
+/// "notice", "warning", "critical".
+std::string_view name_of(severity how) noexcept;
 
 /// The limits beyond which an alarm is raised.
 struct alarm_limits {
@@ -41,10 +46,25 @@ struct alarm_entry {
     bool acknowledged = false;
 };
 
+enum class alarm_change : std::uint8_t { raised, more_severe, over, acknowledged };
+/// "raised", "more severe"…
+std::string_view name_of(alarm_change what) noexcept;
+
+/// A line of the log of alarms.
+struct alarm_event {
+    std::uint64_t number = 0; ///< counts from 1
+    utc_time at{};
+    alarm_change what = alarm_change::raised;
+    severity how = severity::warning;
+    std::string key;
+    std::string text;
+};
+
 /// The alarms: raised and cleared by rules, acknowledged by people. Pure, bounded.
 class alarm_book {
 public:
     static constexpr std::size_t max_alarms = 64;
+    static constexpr std::size_t max_events = 500;
 
     /// Raises an alarm or updates its text. If it was over, or becomes more severe, it must be acknowledged again.
     void raise(const std::string& key, severity how, std::string text, utc_time now);
@@ -55,7 +75,7 @@ public:
     /// Reports a single event: it is over at once, and waits to be acknowledged.
     void tell(const std::string& key, severity how, std::string text, utc_time now);
     /// Empty: all. Returns whether there was one.
-    bool acknowledge(const std::string& key);
+    bool acknowledge(const std::string& key, utc_time now = utc_time());
     /// Alarms that were acknowledged before a restart: if one is raised again before `until`, and is not more severe
     /// than then, it counts as acknowledged. At most max_alarms.
     void remember(const std::vector<acknowledged_alarm>& before, utc_time until);
@@ -65,12 +85,19 @@ public:
     std::vector<alarm_entry> list() const;
     /// The number of alarms that were discarded because there were too many.
     std::uint64_t dropped() const noexcept { return dropped_; }
+    /// What happened to them, oldest first; at most max_events. The same object until something happens.
+    std::shared_ptr<const std::vector<alarm_event>> log() const;
+    std::uint64_t last_event() const noexcept { return events_.empty() ? 0 : events_.back().number; }
 
 private:
+    void note(alarm_change what, const alarm_entry& of, utc_time now);
+
     std::map<std::string, alarm_entry> alarms_;
     std::map<std::string, severity> remembered_;
     utc_time remembered_until_{};
     std::uint64_t dropped_ = 0;
+    std::deque<alarm_event> events_;
+    mutable std::shared_ptr<const std::vector<alarm_event>> shared_log_;
 };
 
 } // namespace atirma::console

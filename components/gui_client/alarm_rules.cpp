@@ -42,6 +42,9 @@ void watch_boat(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
         alarms.set("irons", n.in_irons, severity::critical,
                    "In irons: head to wind without speed; the boat does not get out by itself", now);
         alarms.set("beacon", n.beacon, severity::critical, "The emergency beacon is on", now);
+        alarms.set("turned_back", n.at_fence, severity::warning,
+                   "The boat has turned back at its fence or before the coast, and loiters: give it another course",
+                   now);
         alarms.set("remote_control", n.remote_control, severity::notice, "The remote control has the helm", now);
         bool follows =
             (n.mode == sailing_mode::automatic || n.mode == sailing_mode::return_home) && n.waypoint_count > 0;

@@ -7,7 +7,7 @@ namespace atirma::console {
 bool boat_record::on_message(const telemetry_message& message, const telemetry_packet& packet, utc_time now) {
     const auto& body = message.body;
     if (const auto* l = std::get_if<location>(&body)) return take(*l, packet, now);
-    if (const auto* n = std::get_if<navigation>(&body)) return take_newer(view_.sailing, *n, packet, now);
+    if (const auto* n = std::get_if<navigation>(&body)) return take(*n, packet, now);
     if (const auto* w = std::get_if<wind>(&body)) return take_newer(view_.breeze, *w, packet, now);
     if (const auto* p = std::get_if<power>(&body)) return take_newer(view_.supply, *p, packet, now);
     if (const auto* c = std::get_if<configuration>(&body)) {
@@ -18,6 +18,13 @@ bool boat_record::on_message(const telemetry_message& message, const telemetry_p
     if (const auto* s = std::get_if<link_status>(&body)) return take(*s, packet, now);
     if (const auto* text = std::get_if<notice>(&body)) return take(*text, packet, now);
     return false;
+}
+
+bool boat_record::take(const navigation& told, const telemetry_packet& packet, utc_time now) {
+    bool other = !view_.sailing || view_.sailing->value.mode != told.mode;
+    if (!take_newer(view_.sailing, told, packet, now)) return false;
+    if (other) view_.mode_since = view_.sailing->measured_at;
+    return true;
 }
 
 bool boat_record::take(const location& told, const telemetry_packet& packet, utc_time now) {

@@ -20,6 +20,7 @@ public:
     const boat_view& view() const noexcept { return view_; }
 
 private:
+    bool take(const navigation& told, const telemetry_packet& packet, utc_time now);
     bool take(const location& told, const telemetry_packet& packet, utc_time now);
     bool take(const link_status& told, const telemetry_packet& packet, utc_time now);
     bool take(const notice& told, const telemetry_packet& packet, utc_time now);

@@ -16,8 +16,8 @@ std::uint64_t credits(std::size_t bytes) { return (bytes + credit_bytes - 1) / c
 } // namespace
 
 console_state::console_state(state_options options)
-    : options_(options), boat_(options.max_notices), track_(options.max_track), commands_(options.max_commands),
-      packets_(options.max_packets) {
+    : options_(options), boat_(options.max_notices), course_(options.sea), track_(options.max_track),
+      commands_(options.max_commands), packets_(options.max_packets) {
     present_ = std::make_shared<const std::vector<present_component>>();
 }
 
@@ -127,8 +127,27 @@ void console_state::on_present(std::vector<present_component> all) {
     present_ = std::make_shared<const std::vector<present_component>>(std::move(all));
 }
 
-void console_state::on_time(utc_time now) {
+bool console_state::on_time(utc_time now) {
     apply_alarm_rules(alarms_, alarm_causes{options_.limits, finding_, boat_.view(), links_, nodes_}, now);
+    course_.apply(alarms_, boat_.view(), mission_.view(), now);
+    watch_requests(now);
+    auto alarms = alarms_.list();
+    const auto* calls = bell_.update(alarms, now);
+    if (!calls) return false;
+    ++last_call_.count;
+    last_call_.how = calls->how;
+    last_call_.text = calls->text;
+    return true;
+}
+
+std::vector<alarm_event> console_state::take_alarm_events() {
+    std::vector<alarm_event> fresh;
+    if (events_taken_ == alarms_.last_event()) return fresh;
+    auto log = alarms_.log();
+    for (const auto& one : *log)
+        if (one.number > events_taken_) fresh.push_back(one);
+    events_taken_ = alarms_.last_event();
+    return fresh;
 }
 
 std::shared_ptr<const snapshot> console_state::view(utc_time now) {
@@ -140,6 +159,10 @@ std::shared_ptr<const snapshot> console_state::view(utc_time now) {
     made->mission = mission_.view();
     made->upload = upload_;
     made->authority = authority_;
+    std::erase_if(made->authority.state.asked_by, [this](const auto& who) { return has_gone(who); });
+    made->bell = last_call_;
+    made->sea = options_.sea;
+    made->alarm_log = alarms_.log();
     made->limits = options_.limits;
     for (const auto& [path, node] : nodes_) made->nodes.push_back(node);
     made->parameters = parameters_.view();

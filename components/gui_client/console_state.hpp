@@ -1,8 +1,10 @@
 #pragma once
 #include <components/boat/duplicate_filter.hpp>
 #include <components/gui_client/alarm.hpp>
+#include <components/gui_client/alarm_bell.hpp>
 #include <components/gui_client/boat_record.hpp>
 #include <components/gui_client/command_log.hpp>
+#include <components/gui_client/course_watch.hpp>
 #include <components/gui_client/mission.hpp>
 #include <components/gui_client/packet_log.hpp>
 #include <components/gui_client/parameter_book.hpp>
@@ -20,7 +22,8 @@ struct state_options {
     std::size_t max_packets = 500;
     std::size_t max_notices = 50;
     std::size_t max_commands = 300;
-    std::size_t max_links = 32; ///< the number of proxies that are followed
+    std::size_t max_links = 32;                                       ///< the number of proxies that are followed
+    std::shared_ptr<const sea_limits> sea = sea_limits::coast_only(); ///< coast and fence; null: none
 };
 
 /// The complete state of the console, without I/O: it is given events with the console's time, and makes snapshots.
@@ -60,11 +63,18 @@ public:
     void set_limits(const alarm_limits& limits) { options_.limits = limits; }
     void remember(const std::vector<acknowledged_alarm>& before, utc_time until) { alarms_.remember(before, until); }
     void on_upload(upload_view upload) { upload_ = std::move(upload); }
-    void acknowledge(const std::string& key) { alarms_.acknowledge(key); }
+    void acknowledge(const std::string& key, utc_time now = utc_time()) { alarms_.acknowledge(key, now); }
+    /// An alarm could not be sent by mail or to the web hook, or could be again (an empty `trouble`).
+    void on_outlet(const std::string& key, const std::string& trouble, utc_time now) {
+        alarms_.set(key, !trouble.empty(), severity::warning, trouble, now);
+    }
     void clear_track() { track_.clear(); }
 
-    /// Applies the rules of the alarms, which depend on the time.
-    void on_time(utc_time now);
+    /// Applies the rules of the alarms, which depend on the time, and calls the operator. True: it called.
+    bool on_time(utc_time now);
+    /// What happened to the alarms since the last call of this.
+    std::vector<alarm_event> take_alarm_events();
+    const sea_limits* sea() const noexcept { return options_.sea.get(); }
     std::shared_ptr<const snapshot> view(utc_time now);
 
     const boat_view& boat() const noexcept { return boat_.view(); }
@@ -79,6 +89,8 @@ private:
     void count(link_view& link, const telemetry_packet& packet, bool first, utc_time now);
     void count_recorded(link_view& role, const telemetry_packet& packet, utc_time now);
     void take(const telemetry_message& message, const telemetry_packet& packet, utc_time now);
+    void watch_requests(utc_time now);
+    bool has_gone(const std::string& console) const;
 
     state_options options_;
     finding_view finding_;
@@ -92,6 +104,10 @@ private:
     std::map<std::string, duplicate_filter> heard_over_; ///< by path: a packet is counted once on each link
     duplicate_filter seen_;
     alarm_book alarms_;
+    alarm_bell bell_;
+    bell_view last_call_;
+    course_watch course_;
+    std::uint64_t events_taken_ = 0;
     track_store track_;
     command_log commands_;
     packet_log packets_;

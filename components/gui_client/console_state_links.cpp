@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 // The links to the boat: proxies, communication nodes, and the authority.
 namespace atirma::console {
 
@@ -92,11 +94,26 @@ void console_state::on_authority(const authority_state& told, utc_time now) {
     if (was_mine && !authority_.mine() && !authority_.changing)
         alarms_.tell("authority:lost", severity::warning,
                      fmt::format("This console has lost the authority over the boat: {}", told.how), now);
-    auto waiting = authority_.mine() && !told.asked_by.empty();
-    alarms_.set("authority:asked", waiting, severity::notice,
-                waiting ? fmt::format("{} requests the authority over the boat", operator_label(told.asked_by.front()))
-                        : std::string(),
-                now);
+    watch_requests(now);
+}
+
+void console_state::watch_requests(utc_time now) {
+    const auto& asked_by = authority_.state.asked_by;
+    auto first = std::find_if(asked_by.begin(), asked_by.end(), [this](const auto& who) { return !has_gone(who); });
+    bool waiting = authority_.mine() && first != asked_by.end();
+    alarms_.set(
+        "authority:asked", waiting, severity::notice,
+        waiting ? fmt::format("{} requests the authority over the boat", operator_label(*first)) : std::string(), now);
+}
+
+/// Whether that is another console that the name server does not know any more. Operators without a console, as
+/// `ise --as`, have a request without being there.
+bool console_state::has_gone(const std::string& console) const {
+    auto folder = [](const std::string& path) { return path.substr(0, path.rfind('/') + 1); };
+    if (!finding_.uses_names || !finding_.reached || folder(console) != folder(authority_.self)) return false;
+    auto here = [&](const present_component& one) { return one.path == console; };
+    bool knows_self = std::any_of(present_->begin(), present_->end(), [](const auto& one) { return one.self; });
+    return knows_self && std::none_of(present_->begin(), present_->end(), here);
 }
 
 void console_state::asks_authority(bool under_way, std::string problem) {

@@ -21,7 +21,8 @@ struct gui_client::parts {
           nodes(context, options.communication, options.look_back, options.state.max_links),
           search(context, options.space, options.name_server,
                  [this](const auto& path, const auto& services) { follow(path, services); }),
-          authority(context), sender(context, authority), mission(context, sender, options.tick) {}
+          authority(context), sender(context, authority), mission(context, sender, options.tick),
+          outlets(context, options.outlets) {}
 
     void start(const gui_client_options& options);
     void report(const gui_client_options& options);
@@ -33,7 +34,7 @@ struct gui_client::parts {
     void act(upload_mission what) { mission.upload(std::move(what)); }
     void act(cancel_upload) { mission.cancel(); }
     void act(set_xbee_parameter what) { spawn("modem parameter", set_modem(std::move(what))); }
-    void act(const acknowledge_alarm& what) { state.acknowledge(what.key); }
+    void act(const acknowledge_alarm& what) { state.acknowledge(what.key, context.clock()); }
     void act(const remember_alarms& what) { state.remember(what.before, context.clock() + remembers_alarms); }
     void act(const set_limits& what) { state.set_limits(what.limits); }
     void act(forget_track) { state.clear_track(); }
@@ -51,12 +52,14 @@ struct gui_client::parts {
     authority_client authority;
     telecommand_sender sender;
     mission_control mission;
+    alarm_outlets outlets;
 };
 
 void gui_client::parts::start(const gui_client_options& options) {
     state.set_self(context.self.path());
     for (const auto& path : options.proxies) proxies.follow(path, proxy_follower::followed_services());
     search.start();
+    outlets.start();
 }
 
 void gui_client::parts::follow(const std::string& path, const std::set<std::string>& services) {
@@ -121,7 +124,8 @@ ise::task<> gui_client::run() {
     parts_->start(options_);
     // At first only some of what is there has been heard: no alarm is raised for the rest.
     for (auto settled = now() + settles;;) {
-        if (now() >= settled) parts_->state.on_time(parts_->context.clock());
+        if (now() >= settled && parts_->state.on_time(parts_->context.clock())) parts_->context.news();
+        parts_->outlets.take(parts_->state.take_alarm_events());
         publish_snapshot();
         co_await sleep(options_.tick);
     }

@@ -1,4 +1,5 @@
 #pragma once
+#include <components/gui_client/alarm_outlets.hpp>
 #include <components/gui_client/console_state.hpp>
 #include <components/gui_client/operator_port.hpp>
 
@@ -18,6 +19,7 @@ struct gui_client_options {
     std::string communication = std::string(communication_role); ///< followed as soon as a node of it is found
     ise::duration look_back = std::chrono::hours(12);            ///< so much of the track is asked of the nodes
     state_options state;
+    alarm_outlet_options outlets;                                            ///< mail and web hook for alarms
     std::shared_ptr<operator_port> port = std::make_shared<operator_port>(); ///< to the windows
     ise::duration tick = std::chrono::milliseconds(200);                     ///< snapshots come at most so often…
     ise::duration max_quiet = std::chrono::milliseconds(600);                ///< …and at least so often

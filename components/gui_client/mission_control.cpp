@@ -1,6 +1,7 @@
 #include <components/gui_client/mission_control.hpp>
 
 #include <components/gui_client/freshness.hpp>
+#include <components/gui_client/leg_check.hpp>
 #include <components/gui_client/words.hpp>
 
 #include <fmt/format.h>
@@ -14,6 +15,12 @@ constexpr int read_backs = 3;
 void mission_control::upload(upload_mission what) {
     // The window does not offer it; another window of the operator may.
     if (running_) return show_text("another upload is under way: wait for it, or cancel it");
+    const auto& state = context_.state;
+    if (!what.over_limits && state.sea()) {
+        leg_context legs{*state.sea(), state.boat(), state.mission().view()};
+        if (auto trouble = leg_trouble(legs, what.points); !trouble.empty())
+            return show(upload_phase::failed, 0, what.points.size(), needs_override(trouble));
+    }
     running_ = true;
     cancelled_ = false;
     context_.self.spawn("upload", run_upload(std::move(what)));
@@ -80,6 +87,7 @@ ise::task<std::string> mission_control::send_points(const upload_mission& what) 
     one.via = what.via;
     one.valid_s = upload_valid_s;
     one.confirmed = true;
+    one.over_limits = true; // the whole list was checked
     one.authority = what.authority;
     one.command = commands::waypoint_clear();
     auto phase = co_await sender_.execute(one, &cancelled_);
@@ -126,10 +134,14 @@ ise::task<> mission_control::sail(sail_to what) {
     give_command one;
     one.via = what.via;
     one.authority = what.authority;
+    one.over_limits = true; // checked here as a whole
     bool empty = list.complete && list.points.empty();
     std::uint8_t place = empty ? std::uint8_t{0} : list.active;
     if (empty) one.command = commands::waypoint_add{what.point};
     else one.command = commands::waypoint_insert{place, what.point};
+    if (const auto* sea = context_.state.sea(); sea && !what.over_limits)
+        if (auto trouble = leg_trouble(leg_context{*sea, context_.state.boat(), list}, what.point); !trouble.empty())
+            co_return sender_.refuse(one, needs_override(trouble));
     auto phase = co_await sender_.execute(one);
     if (phase != command_phase::done) co_return;
     one.command = commands::waypoint_select{place};

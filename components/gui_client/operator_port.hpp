@@ -21,19 +21,22 @@ struct give_command {
     boat_command command;
     std::string via;
     float valid_s = 300;
-    bool confirmed = false; ///< the operator has confirmed it, if it is dangerous
+    bool confirmed = false;   ///< the operator has confirmed it, if it is dangerous
+    bool over_limits = false; ///< the operator sends it although a leg crosses land or the fence (leg_check.hpp)
     taking authority = taking::no;
 };
 /// Clears the boat's list, adds these, reads the list back and compares. The operator has confirmed it.
 struct upload_mission {
     std::vector<waypoint> points;
     std::string via;
+    bool over_limits = false; ///< as in give_command
     taking authority = taking::no;
 };
 /// Inserts a waypoint before the active one and sails to it; the boat then continues with its list.
 struct sail_to {
     waypoint point;
     std::string via;
+    bool over_limits = false; ///< as in give_command
     taking authority = taking::no;
 };
 /// Stops an upload at once. The telecommand in transit may still arrive.

@@ -14,6 +14,8 @@ std::optional<float> setting(const configuration& told, parameter_id id) {
         case parameter_id::forbidden_angle_downwind: return told.forbidden_angle_downwind_deg;
         case parameter_id::telemetry_period: return told.telemetry_period_s[static_cast<std::size_t>(link_id::xbee)];
         case parameter_id::leeway_compensation: return told.leeway_compensation;
+        case parameter_id::heading_time_limit:
+        case parameter_id::fence: break; // their acknowledgements only
     }
     return std::nullopt;
 }

@@ -2,6 +2,7 @@
 
 #include <components/boat/find_component.hpp>
 #include <components/gui_client/choose_link.hpp>
+#include <components/gui_client/leg_check.hpp>
 
 #include <fmt/format.h>
 
@@ -28,6 +29,7 @@ ise::task<command_phase> telecommand_sender::execute(give_command what, const bo
     auto to = route(what.via, request);
     context_.state.asked(request.id, to, what.command, context_.clock());
     context_.news();
+    if (auto why = limits_forbid(what); !why.empty()) co_return settle(request.id, command_phase::refused, why);
     if (to.empty()) co_return settle(request.id, command_phase::failed, "no link to the boat was found yet");
     if (open_ >= max_open)
         co_return settle(request.id, command_phase::failed, fmt::format("{} telecommands wait already", open_));
@@ -42,6 +44,19 @@ ise::task<command_phase> telecommand_sender::execute(give_command what, const bo
     auto valid = std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(what.valid_s));
     auto expires = ise::saturating_add(context_.self.now(), valid);
     co_return co_await repeat(std::move(to), std::move(request), expires, stop);
+}
+
+void telecommand_sender::refuse(const give_command& what, std::string why) {
+    auto id = static_cast<std::uint32_t>(context_.self.env().random()) | 1u;
+    context_.state.asked(id, what.via, what.command, context_.clock());
+    settle(id, command_phase::refused, std::move(why));
+}
+
+std::string telecommand_sender::limits_forbid(const give_command& what) const {
+    const auto& state = context_.state;
+    if (what.over_limits || !state.sea()) return {};
+    auto trouble = leg_trouble(leg_context{*state.sea(), state.boat(), state.mission().view()}, what.command);
+    return trouble.empty() ? std::string() : needs_override(trouble);
 }
 
 std::string telecommand_sender::route(const std::string& via, telecommand_request& request) const {

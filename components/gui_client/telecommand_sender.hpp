@@ -19,7 +19,12 @@ public:
     /// returns within two seconds then. Cancellation: terminal.
     ise::task<command_phase> execute(give_command what, const bool* stop = nullptr);
 
+    /// Shows it as refused; it is not sent.
+    void refuse(const give_command& what, std::string why);
+
 private:
+    /// Why it takes an override of the operator; empty: it does not.
+    std::string limits_forbid(const give_command& what) const;
     /// The component that gets it; sets `request.via` where the communication nodes choose the link.
     std::string route(const std::string& via, telecommand_request& request) const;
     ise::task<command_phase> repeat(std::string to, telecommand_request request, ise::time_point expires,

@@ -2,6 +2,7 @@
 #include <components/boat/communication.hpp>
 #include <components/boat/heard.hpp>
 #include <components/boat/report_rhythm.hpp>
+#include <components/coast/sea_limits.hpp>
 #include <components/gprs_proxy/services.hpp>
 #include <components/gui_client/alarm.hpp>
 #include <components/iridium_proxy/services.hpp>
@@ -27,6 +28,7 @@ struct boat_view {
     bool has_fix = true;                                             ///< of the newest location
     std::optional<utc_time> last_heard;                              ///< over any link, by the console's clock
     report_rhythm rhythm;                                            ///< how often it reports over each link
+    std::optional<utc_time> mode_since; ///< measured: the first report of the present mode that came here
 };
 
 struct track_point {
@@ -171,6 +173,13 @@ struct finding_view {
     std::string trouble;
 };
 
+/// The last call of an alarm to the operator: a sound and a window alert.
+struct bell_view {
+    std::uint64_t count = 0; ///< grows with each call
+    severity how = severity::notice;
+    std::string text;
+};
+
 struct snapshot {
     std::uint64_t number = 0;
     utc_time at{};
@@ -184,12 +193,15 @@ struct snapshot {
     authority_view authority;
     std::vector<alarm_entry> alarms; ///< the most severe first
     alarm_limits limits;
+    bell_view bell;
+    std::shared_ptr<const sea_limits> sea; ///< coast and fence; null: none
     // Shared with earlier snapshots as long as nothing has changed.
     std::shared_ptr<const std::vector<track_point>> track;      ///< in the order of time
     std::size_t track_bytes = 0;                                ///< its memory, here and in the store
     std::shared_ptr<const std::vector<command_entry>> commands; ///< oldest first
     std::shared_ptr<const std::vector<std::shared_ptr<const raw_packet>>> packets; ///< oldest first
     std::shared_ptr<const std::vector<present_component>> present;                 ///< by path
+    std::shared_ptr<const std::vector<alarm_event>> alarm_log;                     ///< oldest first
 };
 
 } // namespace atirma::console

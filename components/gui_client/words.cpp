@@ -41,6 +41,7 @@ void fields(field_list& to, const navigation& p) {
     to.flag("in irons", p.in_irons);
     to.flag("remote control", p.remote_control);
     to.flag("beacon", p.beacon);
+    to.flag("turned back at its fence", p.at_fence);
     to.number("heading", static_cast<double>(p.heading_deg), 2, "°");
     to.number("heel", static_cast<double>(p.heel_deg), 1, "°");
     to.number("pitch", static_cast<double>(p.pitch_deg), 1, "°");
@@ -111,10 +112,10 @@ std::string_view name_of(command_phase phase) noexcept {
 std::string label(sailing_mode mode) {
     switch (mode) {
         case sailing_mode::manual: return "Manual";
-        case sailing_mode::hold: return "Hold";
+        case sailing_mode::hold: return "Heading";
         case sailing_mode::automatic: return "Auto";
-        case sailing_mode::return_home: return "Return";
-        case sailing_mode::station_keep: return "Station";
+        case sailing_mode::return_home: return "RTL";
+        case sailing_mode::station_keep: return "Loiter";
     }
     return fmt::format("mode {}", static_cast<int>(mode));
 }

@@ -9,7 +9,7 @@ namespace atirma::console {
 
 // Labels and descriptions for operators.
 
-/// "Auto", "Station".
+/// The names that operators of other autopilots expect: "Manual", "Heading", "Auto", "RTL", "Loiter".
 std::string label(sailing_mode mode);
 /// "XBee".
 std::string label(link_id link);

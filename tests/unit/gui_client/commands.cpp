@@ -19,7 +19,7 @@ TEST_CASE("console: the log tells own commands from those of others") {
     auto all = *state.view(t0 + 3s)->commands;
     REQUIRE(all.size() == 2);
     CHECK(all[0].own);
-    CHECK(all[0].what == "mode Hold");
+    CHECK(all[0].what == "mode Heading");
     CHECK(all[0].phase == command_phase::done);
     CHECK_FALSE(all[1].own);
     CHECK(all[1].what == "set mode");
