@@ -179,6 +179,19 @@ TEST_CASE("access: every service that A-Tirma's components declare is among thos
     CHECK(found > 25);
 }
 
+TEST_CASE("access: the file that the page on access shows can be used") {
+    auto page = text_of_file(std::filesystem::path(ISE_SOURCE_DIR) / "docs/access.md");
+    const std::string begin = "```toml\n";
+    auto from = page.find(begin);
+    REQUIRE(from != page.npos);
+    from += begin.size();
+    std::vector<remark> problems;
+    auto made = policy::parse(page.substr(from, page.find("```", from) - from), "access.toml", problems);
+    for (const auto& one : problems) UNSCOPED_INFO(one.line << ": " << one.text);
+    REQUIRE(made);
+    CHECK(made->rules().size() == 4);
+}
+
 TEST_CASE("access: in A-Tirma's policy the web host starts, stops, sets and is nothing but its page") {
     auto of = atirma();
     auto may = [&](action what, const char* who, const std::string& path, const std::string& item = {},
