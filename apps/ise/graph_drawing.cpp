@@ -225,11 +225,11 @@ styled_page graph_as_page(const drawn_graph& of) {
 
 std::string graph_as_dot(const drawn_graph& of) {
     auto text = fmt::format(
-        "digraph ise {{\n  rankdir=LR;\n  bgcolor=\"transparent\";\n  graph [fontname=\"sans-serif\" "
+        "digraph ise {{\n  rankdir=LR;\n  bgcolor=\"transparent\";\n  graph [fontname=\"sans-serif\" fontsize=11 "
         "fontcolor=\"{0}\" color=\"{1}\"];\n"
         "  node [shape=box style=\"filled,rounded\" fontname=\"sans-serif\" color=\"{1}\" fillcolor=\"#ffffff\" "
         "fontcolor=\"#1f2328\"];\n  edge [fontname=\"sans-serif\" fontsize=11 fontcolor=\"{0}\"];\n"
-        "  label=\"an arrow goes from the user of a service to its provider; blue: calls, green: topics{2}\";\n",
+        "  label=\"arrows: from user to provider; blue: calls, green: topics{2}\";\n",
         text_colour, quiet_colour, of.missing.empty() ? "" : ", red: missing");
     std::map<std::string, std::vector<const surveyed*>> hosts;
     std::set<std::string> known;

@@ -169,8 +169,11 @@ bool terminal::show(const styled_page& page) {
         const auto& line = page[at];
         ::wmove(stdscr, static_cast<int>(at), 0);
         for (const auto& part : line.parts) {
-            auto looks = attributes_of(part.how) | (line.selected ? A_REVERSE : A_NORMAL);
-            ::wattr_set(stdscr, looks, coloured ? pair_of(part.how) : short{0}, nullptr);
+            // The bar of the selection has one colour, but for what is wrong.
+            bool wrong = part.how == style::warning || part.how == style::bad;
+            auto how = line.selected && !wrong ? style::plain : part.how;
+            auto looks = attributes_of(how) | (line.selected ? A_REVERSE : A_NORMAL);
+            ::wattr_set(stdscr, looks, coloured ? pair_of(how) : short{0}, nullptr);
             ::waddnstr(stdscr, part.text.c_str(), -1);
         }
         ::wattr_set(stdscr, line.selected ? A_REVERSE : A_NORMAL, 0, nullptr);

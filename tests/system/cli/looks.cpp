@@ -132,7 +132,7 @@ TEST_CASE("graph shows who is connected to whom and over what, and not itself") 
     start(in, "sea/console", watch_boat);
     auto text = in.ise(patiently({"graph"}));
     CHECK(text.exit_code == 0);
-    CHECK_THAT(text.out, Contains("  sea/console  ready\n  └─ atirma/boat  inproc") &&
+    CHECK_THAT(text.out, Contains("  sea/console  ready\n  ├─ atirma/boat  inproc") &&
                              Contains("uses  position  topic  ") && Contains("gives position  topic  ") &&
                              Contains("needs beeper: missing, no component provides it"));
     CHECK_THAT(text.out, !Contains("ise/cli") && Contains("as of ") && !Contains("\x1b"));
@@ -145,7 +145,7 @@ TEST_CASE("graph shows who is connected to whom and over what, and not itself") 
                Contains(R"("connections":[{"a":"atirma/boat","b":"sea/console",)") &&
                    Contains(R"("services":[{"service":"position","provider":"atirma/boat","kind":"subscription",)") &&
                    Contains(R"("missing":["beeper"])"));
-    terminal_program drawn({"ise", "--timeout", "120s", "--name-server", in.at.text(), "graph"}, 60, 24);
+    terminal_program drawn({"ise", "--timeout", "120s", "--name-server", in.at.text(), "graph"}, 80, 24);
     CHECK(drawn.wait() == 0);
     CHECK(drawn.wrapped() == 0);
     CHECK_THAT(drawn.raw(), Contains("\x1b[32mready"));
