@@ -372,7 +372,12 @@ $('glance').hidden = !place.embed;
 $('glance-name').href = place.boat ? encodeURIComponent(place.boat) : '.';
 for (const name of ['online', 'offline']) addEventListener(name, () => tick());
 
-store.addEventListener('change', () => draw(last_draw === -Infinity));
+let drawn = ''; // the first reports and the track are drawn as they come
+store.addEventListener('change', () => {
+  const has = `${!!store.state.position} ${store.whole} ${store.opened}`;
+  draw(has !== drawn);
+  drawn = has;
+});
 setInterval(() => { store.watch(); if (performance.now() - last_draw > calm_ms) tick(); }, 1000);
 document.addEventListener('visibilitychange', () => { if (!document.hidden) { store.watch(); draw(true); } });
 speak(u.preferences.lang);

@@ -41,7 +41,14 @@ function rings_of(topology) {
     return arc.map(([dx, dy]) => [(x += dx) * scale[0] + translate[0], (y += dy) * scale[1] + translate[1]]);
   });
   const line = index => index < 0 ? [...arcs[~index]].reverse() : arcs[index];
-  const ring = indices => indices.flatMap((index, i) => i ? line(index).slice(1) : line(index)).slice(0, -1);
+  // Across the 180th meridian longitudes go on beyond 180; Antarctica, which goes around the pole, is closed there.
+  const unwound = ring => {
+    const out = [ring[0]];
+    for (const [x, y] of ring.slice(1)) out.push([x - 360 * Math.round((x - out.at(-1)[0]) / 360), y]);
+    const around = out[0][0] - out.at(-1)[0];
+    return Math.abs(around) > 180 ? [...out, [out.at(-1)[0], -89], [out[0][0], -89]] : out;
+  };
+  const ring = indices => unwound(indices.flatMap((index, i) => i ? line(index).slice(1) : line(index)).slice(0, -1));
   const shapes = topology.objects.land.geometries ?? [topology.objects.land];
   return shapes.flatMap(shape => shape.type === 'Polygon' ? [shape.arcs] : shape.arcs).map(polygon => polygon.map(ring));
 }
@@ -50,7 +57,17 @@ for (const [level, least, digits] of [['110m', 0.02, 2], ['50m', 0.0006, 2]]) {
   const topology = JSON.parse(readFileSync(`${from}/land-${level}.json`, 'utf8'));
   const scale = 10 ** digits;
   let count = 0;
-  const polygons = rings_of(topology).map(polygon => polygon.map(ring => {
+  // What reaches beyond the edge of the map stands at its other side, too.
+  const middle = ring => { const xs = ring.map(p => p[0]); return (Math.min(...xs) + Math.max(...xs)) / 2; };
+  const beside = (ring, x) => { const by = 360 * Math.round((x - middle(ring)) / 360); return ring.map(p => [p[0] + by, p[1]]); };
+  const all = rings_of(topology).flatMap(([shore, ...lakes]) => {
+    const outer = beside(shore, 0);
+    const polygon = [outer, ...lakes.filter(lake => lake.some(p => p[1] > -85)).map(lake => beside(lake, middle(outer)))];
+    const xs = outer.map(p => p[0]), low = Math.min(...xs), high = Math.max(...xs);
+    const by = high > 180 ? -360 : low < -180 ? 360 : 0;
+    return by && high - low < 359 ? [polygon, polygon.map(ring => ring.map(([x, y]) => [x + by, y]))] : [polygon];
+  });
+  const polygons = all.map(polygon => polygon.map(ring => {
     const kept = simplify(ring, least).map(([x, y]) => [Math.round(y * scale), Math.round(x * scale)]);
     count += kept.length;
     let before = [0, 0];
