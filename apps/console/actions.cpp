@@ -1,8 +1,10 @@
 #include "actions.hpp"
 
+#include "hold_button.hpp"
 #include "theme.hpp"
 #include "units.hpp"
 
+#include <components/gui_client/leg_check.hpp>
 #include <components/gui_client/words.hpp>
 
 #include <QMessageBox>
@@ -17,7 +19,9 @@ bool operator_actions::confirmed(const QString& what, const QString& why) {
     box.setIcon(QMessageBox::Warning);
     box.setText(what);
     box.setInformativeText(why);
-    auto* go = box.addButton(tr("Send it"), QMessageBox::AcceptRole);
+    auto* go = new hold_button(tr("Hold to send"), &box);
+    go->setProperty("role", "danger");
+    box.addButton(go, QMessageBox::AcceptRole);
     auto* stay = box.addButton(tr("Cancel"), QMessageBox::RejectRole);
     box.setDefaultButton(stay); // Enter does no harm
     box.setEscapeButton(stay);
@@ -25,13 +29,27 @@ bool operator_actions::confirmed(const QString& what, const QString& why) {
     return box.clickedButton() == go;
 }
 
+template <class What>
+std::string operator_actions::trouble_of(const What& what) const {
+    if (!seen_ || !seen_->sea) return {};
+    return leg_trouble(leg_context{*seen_->sea, seen_->boat, seen_->mission}, what);
+}
+
+bool operator_actions::overridden(const QString& what, const std::string& trouble) {
+    return confirmed(tr("Land or fence in the way: %1").arg(what),
+                     text(trouble) + "\n\n" +
+                         tr("The boat itself turns back at its fence and before the coast, as long as its parameter "
+                            "“fence” is 1."));
+}
+
 std::optional<taking> operator_actions::authority_for(const QString& what) {
-    if (!authority_.known || authority_.mine()) return taking::no;
+    if (!seen_ || !seen_->authority.known || seen_->authority.mine()) return taking::no;
+    auto authority = seen_->authority; // snapshots go on while the question is open
     QMessageBox box(window_);
     box.setObjectName("authority");
     box.setWindowTitle(tr("Authority over the boat"));
     box.setIcon(QMessageBox::Question);
-    const auto& holder = authority_.state.holder;
+    const auto& holder = authority.state.holder;
     auto name = text(operator_label(holder));
     auto* stay = box.addButton(tr("Cancel"), QMessageBox::RejectRole);
     box.setEscapeButton(stay);
@@ -69,7 +87,10 @@ bool operator_actions::give(boat_command command) {
     auto what = text(describe(command));
     if (auto why = danger(command); !why.empty() && !confirmed(tr("Tell the boat: %1?").arg(what), text(why)))
         return false;
+    auto trouble = trouble_of(command);
+    if (!trouble.empty() && !overridden(what, trouble)) return false;
     give_command one;
+    one.over_limits = !trouble.empty();
     one.confirmed = !command.danger().empty(); // above
     if (traits_of(command.kind()).needs_authority) {
         auto take = authority_for(what);
@@ -85,7 +106,7 @@ bool operator_actions::give(boat_command command) {
 
 bool operator_actions::set_mode(sailing_mode mode) { return give(commands::set_mode{mode}); }
 
-bool operator_actions::upload(std::vector<waypoint> points, const std::vector<waypoint>& on_boat) {
+bool operator_actions::upload(std::vector<waypoint> points, const std::vector<waypoint>& on_boat, bool held) {
     auto many = static_cast<int>(points.size());
     auto what = many == 0
                     ? tr("Clear the boat's list of waypoints?")
@@ -93,10 +114,13 @@ bool operator_actions::upload(std::vector<waypoint> points, const std::vector<wa
     auto why = tr("This replaces the boat's present list of %1, one telecommand after the other. "
                   "In Auto, the boat meanwhile sails the waypoints that have arrived.")
                    .arg(on_boat.size());
-    if (!confirmed(what, why)) return false;
+    auto trouble = trouble_of(points);
+    if (trouble.empty() ? !held && !confirmed(what, why) : !overridden(tr("the new list of waypoints"), trouble))
+        return false;
     auto take = authority_for(tr("the new list of waypoints"));
     if (!take) return false;
     upload_mission mission;
+    mission.over_limits = !trouble.empty();
     mission.points = std::move(points);
     mission.via = via_;
     mission.authority = *take;
@@ -105,13 +129,17 @@ bool operator_actions::upload(std::vector<waypoint> points, const std::vector<wa
 
 bool operator_actions::sail_there(const waypoint& point) {
     auto where = place_text(point);
-    if (!confirmed(tr("Sail to %1?").arg(where),
-                   tr("The place becomes the next waypoint; the boat then continues with its list, in Auto.")))
+    auto trouble = trouble_of(point);
+    if (trouble.empty() ? !confirmed(tr("Sail to %1?").arg(where),
+                                     tr("The place becomes the next waypoint; the boat then continues with its list, "
+                                        "in Auto."))
+                        : !overridden(tr("sail to %1").arg(where), trouble))
         return false;
     auto take = authority_for(tr("sail to %1").arg(where));
     if (!take) return false;
     sail_to there;
     there.point = point;
+    there.over_limits = !trouble.empty();
     there.via = via_;
     there.authority = *take;
     if (!act(std::move(there))) return false;

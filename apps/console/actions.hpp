@@ -4,6 +4,7 @@
 #include <QObject>
 
 #include <functional>
+#include <memory>
 #include <optional>
 
 class QWidget;
@@ -21,13 +22,16 @@ public:
     /// does not accept it.
     bool give(boat_command command);
     bool set_mode(sailing_mode mode);
-    bool upload(std::vector<waypoint> points, const std::vector<waypoint>& on_boat);
+    /// `held`: the operator has confirmed it by holding the button.
+    bool upload(std::vector<waypoint> points, const std::vector<waypoint>& on_boat, bool held = false);
     bool sail_there(const waypoint& point);
     bool act(action what);
     /// Asks for a confirmation; Enter cancels.
     bool confirmed(const QString& what, const QString& why);
-    /// The authority now: without it, commands offer to take it first.
-    void know(const authority_view& authority) { authority_ = authority; }
+    /// The state now: without the authority, commands offer to take it first; legs are checked against coast and fence.
+    void know(std::shared_ptr<const snapshot> seen) { seen_ = std::move(seen); }
+    /// Asks for an override if there is `trouble` with legs (leg_check.hpp). Returns false if the operator cancelled.
+    bool overridden(const QString& what, const std::string& trouble);
 
     /// The path of a proxy; empty: the console chooses.
     void choose_link(std::string path) { via_ = std::move(path); }
@@ -42,8 +46,11 @@ private:
 
     sink to_;
     QWidget* window_;
+    template <class What>
+    std::string trouble_of(const What& what) const;
+
     std::string via_;
-    authority_view authority_;
+    std::shared_ptr<const snapshot> seen_;
 };
 
 } // namespace atirma::console

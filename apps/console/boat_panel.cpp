@@ -1,6 +1,7 @@
 #include "boat_panel.hpp"
 
 #include "choice_box.hpp"
+#include "number_box.hpp"
 #include "theme.hpp"
 
 #include <components/boat/parameters.hpp>
@@ -9,12 +10,13 @@
 #include <components/gui_client/words.hpp>
 
 #include <QComboBox>
-#include <QDoubleSpinBox>
 #include <QFrame>
 #include <QGridLayout>
 #include <QLabel>
 #include <QPushButton>
 #include <QScrollArea>
+
+#include <cmath>
 
 namespace atirma::console {
 namespace {
@@ -63,7 +65,7 @@ QWidget* boat_panel::make_parameters() {
     auto* box = card(this);
     auto* grid = new QGridLayout(box);
     grid->setContentsMargins(11, 8, 11, 10);
-    grid->setVerticalSpacing(4);
+    grid->setVerticalSpacing(1);
     grid->addWidget(head(tr("Parameter"), box), 0, 0);
     grid->addWidget(head(tr("On the boat"), box), 0, 1);
     grid->addWidget(head(tr("New"), box), 0, 2);
@@ -76,26 +78,35 @@ QWidget* boat_panel::make_parameters() {
         made.confirmed = rich_label(box);
         made.confirmed->setText("–");
         made.confirmed->setObjectName("confirmed_" + text(std::string(name_of(info.id))));
-        made.wanted = new QDoubleSpinBox(box);
+        made.wanted = new number_box(static_cast<double>(info.minimum), static_cast<double>(info.maximum), box);
         made.wanted->setObjectName("wanted_" + text(std::string(name_of(info.id))));
-        made.wanted->setRange(static_cast<double>(info.minimum), static_cast<double>(info.maximum));
         made.wanted->setDecimals(info.maximum <= 1 ? 2 : 1);
         made.wanted->setSingleStep(info.maximum <= 1 ? 0.05 : 1);
-        made.wanted->setButtonSymbols(QAbstractSpinBox::NoButtons);
+        made.wanted->setValue(static_cast<double>(info.initial)); // until the boat reports its own
+        made.wanted->setFixedWidth(92);
         made.wanted->setToolTip(
             tr("%1 to %2").arg(in_units(info.minimum, info.unit), in_units(info.maximum, info.unit)));
         made.wanted->setAccessibleName(tr("New: %1").arg(name->text()));
-        auto* set = new QPushButton(tr("Set"), box);
+        auto* set = made.set = new QPushButton(tr("Set"), box);
         set->setAccessibleName(tr("Set %1").arg(name->text()));
         set->setObjectName("set_" + text(std::string(name_of(info.id))));
         made.state = rich_label(box);
         made.state->setObjectName("state_" + text(std::string(name_of(info.id))));
-        made.state->setWordWrap(true);
+        auto kept = made.state->sizePolicy();
+        kept.setRetainSizeWhenHidden(true); // the rows below stay where they are
+        kept.setHorizontalPolicy(QSizePolicy::Ignored);
+        made.state->setSizePolicy(kept);
+        made.state->setFixedHeight(QFontMetrics(font_of(smallest_text)).lineSpacing());
         auto index = rows_.size();
-        connect(made.wanted, &QDoubleSpinBox::valueChanged, this, [this, index] { rows_[index].touched = true; });
+        connect(made.wanted, &QDoubleSpinBox::valueChanged, this, [this, index] {
+            rows_[index].touched = true;
+            show_row(rows_[index]);
+        });
         connect(set, &QPushButton::clicked, this, [this, index] {
             commands::set_parameter command{rows_[index].id, static_cast<float>(rows_[index].wanted->value())};
+            if (!rows_[index].wanted->good()) return;
             if (actions_.give(command)) rows_[index].touched = false;
+            show_row(rows_[index]);
         });
         grid->addWidget(name, line, 0);
         grid->addWidget(made.confirmed, line, 1);
@@ -150,6 +161,7 @@ QWidget* boat_panel::make_rare() {
     column->setContentsMargins(11, 8, 11, 10);
     health_ = rich_label(box);
     health_->setWordWrap(true);
+    health_->setFixedHeight(2 * QFontMetrics(font_of(smallest_text)).lineSpacing() + 2);
     column->addWidget(health_);
     auto* line = new QHBoxLayout;
     auto* status = new QPushButton(tr("Request status"), box);
@@ -174,6 +186,20 @@ QWidget* boat_panel::make_rare() {
     return box;
 }
 
+/// What was typed: whether it is in its range, and whether it differs from the boat's.
+void boat_panel::show_row(row& of) {
+    auto trouble = of.wanted->trouble();
+    of.wanted->mark_changed(of.touched);
+    of.set->setEnabled(trouble.isEmpty());
+    of.state->setVisible(!trouble.isEmpty() || of.touched);
+    of.state->setToolTip(trouble);
+    if (!trouble.isEmpty())
+        of.state->setText(QStringLiteral("<span style='color:%1'>● %2</span>").arg(colours().bad.name(), trouble));
+    else if (of.touched)
+        of.state->setText(QStringLiteral("<span style='color:%1'>● %2</span>")
+                              .arg(colours().accent.name(), tr("changed here, not sent")));
+}
+
 void boat_panel::show_snapshot(const snapshot& seen, utc_time now) {
     const auto& t = colours();
     for (auto& each : rows_) {
@@ -189,6 +215,12 @@ void boat_panel::show_snapshot(const snapshot& seen, utc_time now) {
             QSignalBlocker quiet(each.wanted);
             each.wanted->setValue(static_cast<double>(*value));
         }
+        if (each.touched && is.confirmed && !is.pending &&
+            std::abs(static_cast<double>(*is.confirmed) - each.wanted->value()) < 1e-6)
+            each.touched = false;
+        show_row(each);
+        if (!each.wanted->good()) continue;
+        if (each.touched) continue;
         QString words;
         if (is.pending)
             words = QStringLiteral("<span style='color:%1'>● %2</span>")
@@ -196,8 +228,9 @@ void boat_panel::show_snapshot(const snapshot& seen, utc_time now) {
         else if (!is.problem.empty())
             words = QStringLiteral("<span style='color:%1'>● %2</span>")
                         .arg(t.bad.name(), text(is.problem).toHtmlEscaped());
-        each.state->setVisible(!words.isEmpty());
         each.state->setText(words);
+        each.state->setToolTip(text(is.problem));
+        each.state->setVisible(!words.isEmpty());
     }
     for (std::size_t i = 0; i < link_count; ++i) {
         if (!seen.boat.settings) continue;

@@ -9,11 +9,12 @@
 #include <vector>
 
 class QComboBox;
-class QDoubleSpinBox;
 class QLabel;
 class QPushButton;
 
 namespace atirma::console {
+
+class number_box;
 
 /// The boat's parameters, confirmed and pending; telemetry periods; rare telecommands: status, beacon, reboot; the
 /// boat's notices.
@@ -27,9 +28,11 @@ private:
     struct row {
         parameter_id id{};
         QLabel *confirmed = nullptr, *state = nullptr;
-        QDoubleSpinBox* wanted = nullptr;
+        number_box* wanted = nullptr;
+        QPushButton* set = nullptr;
         bool touched = false;
     };
+    void show_row(row& of);
     QWidget* make_parameters();
     QWidget* make_periods();
     QWidget* make_rare();

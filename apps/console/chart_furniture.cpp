@@ -42,7 +42,7 @@ void paint_scale(QPainter& to, const chart_projection& projection) {
             break;
         }
     double length = step / projection.metres_per_pixel;
-    QPointF at(width - length - 18, height - 20);
+    QPointF at(width - length - 18, height - 24);
     to.setPen(QPen(t.card, 4));
     to.drawLine(at, at + QPointF(length, 0));
     to.setPen(QPen(t.ink2, 2));
@@ -50,11 +50,10 @@ void paint_scale(QPainter& to, const chart_projection& projection) {
     to.setFont(font_of(11, QFont::DemiBold));
     to.setPen(t.ink2);
     auto words = step >= 1000 ? QStringLiteral("%1 km").arg(step / 1000) : QStringLiteral("%1 m").arg(step);
-    to.drawText(QRectF(at.x(), at.y() - 21, length, 15), Qt::AlignCenter, words);
+    to.drawText(QRectF(at.x() - 40, at.y() - 23, length + 80, 17), Qt::AlignCenter, words);
     to.setFont(font_of(9));
     to.setPen(t.ink3);
-    to.drawText(QRectF(width - 330, height - 15, 322, 13), Qt::AlignRight | Qt::AlignVCenter,
-                text(coast_attribution()));
+    to.drawText(QRectF(8, height - 18, width - 16, 17), Qt::AlignRight | Qt::AlignVCenter, text(coast_attribution()));
 }
 
 // The links by the colour of their track, and when the boat was heard over each: a lost one shows at once.
@@ -133,7 +132,7 @@ void paint_pointer(QPainter& to, const chart_projection& projection, const chart
     }
     if (!hint.isEmpty()) words += "   ·   " + hint;
     to.setFont(font_of(11));
-    paint_note(to, QPointF(10, projection.size.height() - 33), 24, words, colours().ink2);
+    paint_note(to, QPointF(10, projection.size.height() - 45), 24, words, colours().ink2);
 }
 
 void paint_empty(QPainter& to, const chart_projection& projection, const chart_scene& scene) {

@@ -43,6 +43,27 @@ void paint_waypoint(QPainter& to, QPointF at, int number, const waypoint_look& l
     to.drawText(QRectF(at.x() - 14, at.y() - 9, 28, 18), Qt::AlignCenter, QString::number(number));
 }
 
+void paint_fence(QPainter& to, const chart_projection& projection, const chart_scene& scene) {
+    if (!scene.seen || !scene.seen->sea) return;
+    const auto& t = colours();
+    to.setBrush(Qt::NoBrush);
+    for (const auto& area : scene.seen->sea->fence().areas()) {
+        QPainterPath path;
+        for (const auto& ring : area.rings) {
+            QPolygonF line;
+            for (const auto& p : ring) line << projection.to_pixels(waypoint{p.latitude_deg, p.longitude_deg});
+            path.addPolygon(line);
+        }
+        if (area.keep_out) {
+            QColor fill = t.no_go;
+            fill.setAlpha(90);
+            to.fillPath(path, fill);
+        }
+        to.setPen(QPen(t.bad, 1.8, Qt::DashDotLine));
+        to.drawPath(path);
+    }
+}
+
 void paint_track(QPainter& to, const chart_projection& projection, const chart_scene& scene) {
     if (!scene.seen || scene.seen->track->empty()) return;
     const auto& track = *scene.seen->track;

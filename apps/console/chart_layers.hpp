@@ -15,6 +15,8 @@ namespace atirma::console {
 
 /// The track, by the link that told it; older parts are paler.
 void paint_track(QPainter& to, const chart_projection& projection, const chart_scene& scene);
+/// The fence: its edges, and what is beyond it darker.
+void paint_fence(QPainter& to, const chart_projection& projection, const chart_scene& scene);
 /// The boat's list of waypoints, and the leg that it sails.
 void paint_mission(QPainter& to, const chart_projection& projection, const chart_scene& scene);
 /// A place that the operator is asked about.

@@ -123,6 +123,7 @@ void chart_view::paintEvent(QPaintEvent*) {
     QPainter to(this);
     to.setRenderHint(QPainter::Antialiasing);
     to.drawPixmap(0, 0, base_.picture(shown, devicePixelRatioF()));
+    paint_fence(to, shown, scene_);
     paint_track(to, shown, scene_);
     paint_mission(to, shown, scene_);
     editor_.paint(to);

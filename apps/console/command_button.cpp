@@ -19,6 +19,11 @@ command_button::command_button(operator_actions& actions, QWidget* parent) : QTo
     menu->setObjectName("command_menu");
     setMenu(menu);
     connect(menu, &QMenu::aboutToShow, this, &command_button::fill_menu);
+    // One width for all of its texts: it does not move under the mouse.
+    setFixedWidth(QFontMetrics(font_of(smallest_text, QFont::DemiBold)).horizontalAdvance("maria has authority") + 22);
+    auto kept = sizePolicy();
+    kept.setRetainSizeWhenHidden(true);
+    setSizePolicy(kept);
     hide();
 }
 
@@ -81,18 +86,19 @@ void command_button::show_snapshot(const snapshot& seen) {
     QString words = tr("no authority held");
     if (seen_.changing) words = tr("asking…");
     else if (seen_.mine() && !seen_.state.asked_by.empty()) {
-        words = tr("%1 requests the authority").arg(console::text(operator_label(seen_.state.asked_by.front())));
+        words = tr("%1 asks for it").arg(console::text(operator_label(seen_.state.asked_by.front())));
         ink = t.warn, back = t.warn_back;
     } else if (seen_.mine()) {
-        words = tr("you have the authority");
+        words = tr("you have authority");
         ink = t.good;
     } else if (!holder.empty()) {
-        words = tr("%1 has the authority").arg(console::text(operator_label(holder)));
+        words = tr("%1 has authority").arg(console::text(operator_label(holder)));
         ink = t.warn, back = t.warn_back;
     }
-    setText(words);
-    setToolTip(seen_.problem.empty() ? tr("The operator whose telecommands the boat accepts; click to change")
-                                     : console::text(seen_.problem));
+    setText(QFontMetrics(font_of(smallest_text, QFont::DemiBold)).elidedText(words, Qt::ElideMiddle, width() - 20));
+    setToolTip(seen_.problem.empty()
+                   ? words + "\n" + tr("The operator whose telecommands the boat accepts; click to change")
+                   : console::text(seen_.problem));
     auto sheet =
         QStringLiteral("QToolButton { color: %1; background: %2; border: 0; border-radius: 10px; padding: 2px 10px; "
                        "min-height: 16px; font-weight: 600; } QToolButton::menu-indicator { image: none; }")

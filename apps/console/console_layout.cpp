@@ -9,6 +9,7 @@
 #include "mission_panel.hpp"
 #include "theme.hpp"
 
+#include <components/boat/parameters.hpp>
 #include <components/gui_client/freshness.hpp>
 #include <components/gui_client/track_store.hpp>
 #include <components/gui_client/words.hpp>
@@ -21,6 +22,8 @@
 #include <QTabWidget>
 #include <QToolButton>
 
+#include <algorithm>
+
 // The parts of the window: head, alarm strip, side, the chart's tools.
 namespace atirma::console {
 namespace {
@@ -31,14 +34,18 @@ QString pill(const QColor& ink, const QColor& back) {
         .arg(ink.name(), back.name());
 }
 
+/// Only a new one: Qt lays the widget out again for each.
+void set_sheet(QWidget* of, const QString& sheet) {
+    if (of->styleSheet() != sheet) of->setStyleSheet(sheet);
+}
+
 } // namespace
 
 QWidget* console_window::make_head() {
     auto* head = new QWidget(this);
     auto* row = new QHBoxLayout(head);
-    row->setContentsMargins(6, 3, 12, 3);
-    row->setSpacing(8);
-    record_mark_ = new QLabel(head);
+    row->setContentsMargins(2, 3, 10, 3);
+    row->setSpacing(5);
     mode_ = new QLabel(head);
     mode_->setObjectName("mode");
     status_ = new QLabel(head);
@@ -47,11 +54,16 @@ QWidget* console_window::make_head() {
     clock_->setObjectName("clock");
     clock_->setFont(font_of(14, QFont::DemiBold));
     clock_->setToolTip(tr("Coordinated universal time"));
-    auto* name = new QLabel(options_.boat_name, head);
-    name->setFont(font_of(15, QFont::Bold));
+    // Each has one width for all of its texts, so that nothing moves when they change.
+    auto widest = [](QLabel* label, const QString& longest) {
+        label->setFixedWidth(QFontMetrics(font_of(smallest_text, QFont::DemiBold)).horizontalAdvance(longest) + 22);
+        label->setAlignment(Qt::AlignCenter);
+    };
+    widest(status_, tr("● no current data · 88 min"));
+    widest(mode_, tr("Heading · 88 min"));
+    clock_->setFixedWidth(QFontMetrics(clock_->font()).horizontalAdvance("88:88:88 UTC") + 6);
     command_ = new command_button(actions_, head);
-    for (QWidget* each : std::initializer_list<QWidget*>{record_mark_, name, status_, mode_, command_, clock_})
-        row->addWidget(each);
+    for (QWidget* each : std::initializer_list<QWidget*>{status_, mode_, command_, clock_}) row->addWidget(each);
     return head;
 }
 
@@ -65,43 +77,70 @@ void console_window::show_head(utc_time at) {
         auto age = text(age_text(age_s(at, boat.position->measured_at)));
         auto link = text(label(boat.position->link));
         words = how == freshness::fresh    ? tr("live · %1 · %2").arg(link, age)
-                : how == freshness::ageing ? tr("ageing · %1 · %2").arg(link, age)
+                : how == freshness::ageing ? tr("old · %1 · %2").arg(link, age)
                                            : tr("no current data · %1").arg(age);
         ink = t.of(how);
-        back = how == freshness::fresh ? t.field : how == freshness::ageing ? t.warn_back : t.bad_back;
+        back = how == freshness::fresh ? t.field : t.warn_back;
     }
+    auto silent = std::ranges::find_if(seen_->alarms, [](const auto& a) { return a.key == "no_data" && !a.over_at; });
+    if (silent != seen_->alarms.end()) ink = t.bad, back = t.bad_back; // red is for alarms
     status_->setText("● " + words);
-    status_->setStyleSheet(pill(ink, back));
+    status_->setToolTip(words);
+    set_sheet(status_, pill(ink, back));
     bool known = boat.sailing.has_value();
-    mode_->setVisible(known);
-    if (known) {
-        bool irons = boat.sailing->value.in_irons;
-        mode_->setText(text(label(boat.sailing->value.mode)) + (irons ? tr(" · in irons") : QString()));
-        mode_->setStyleSheet(pill(irons ? t.bad : t.accent, irons ? t.bad_back : t.notice_back));
-    }
+    bool irons = known && boat.sailing->value.in_irons, fence = known && boat.sailing->value.at_fence;
+    mode_->setText(mode_words(at));
+    mode_->setToolTip(!known                                           ? tr("The mode is not known yet")
+                      : fence                                          ? tr("It turned back at its fence or the coast")
+                      : boat.sailing->value.mode == sailing_mode::hold ? tr("It loiters when the time is over")
+                                                                       : tr("The mode that the boat reports"));
+    set_sheet(mode_, irons   ? pill(t.bad, t.bad_back)
+                     : fence ? pill(t.warn, t.warn_back)
+                             : pill(t.accent, t.notice_back));
     record_mark_->setVisible(recorder_.running());
     record_mark_->setText(tr("● REC %1").arg(recorder_.written()));
-    record_mark_->setStyleSheet(pill(t.bad, t.bad_back));
+    set_sheet(record_mark_, pill(t.bad, t.bad_back));
     clock_->setText(text(iso_time(at).substr(11, 8)) + " UTC");
-    auto* corner = clock_->parentWidget();
-    if (corner->minimumWidth() != corner->sizeHint().width()) { // the menu bar does not update by itself
-        corner->setMinimumWidth(corner->sizeHint().width());
-        menuBar()->setCornerWidget(corner, Qt::TopRightCorner);
-    }
+}
+
+/// "Auto", "Heading · 12 min" with the time until it loiters.
+QString console_window::mode_words(utc_time at) const {
+    const auto& boat = seen_->boat;
+    if (!boat.sailing) return QStringLiteral("–");
+    const auto& n = boat.sailing->value;
+    auto words = text(label(n.mode));
+    if (n.in_irons) return words + tr(" · in irons");
+    if (n.at_fence) return words + tr(" · fence");
+    if (n.mode != sailing_mode::hold || !boat.mode_since) return words;
+    double limit_s = 0;
+    if (const auto* info = find_parameter(parameter_id::heading_time_limit))
+        limit_s = static_cast<double>(info->initial);
+    for (const auto& one : seen_->parameters)
+        if (one.id == parameter_id::heading_time_limit && one.confirmed) limit_s = static_cast<double>(*one.confirmed);
+    double left_s = std::max(0.0, limit_s - age_s(at, *boat.mode_since));
+    return left_s >= 90 ? tr("%1 · %2 min").arg(words).arg(left_s / 60, 0, 'f', 0)
+                        : tr("%1 · %2 s").arg(words).arg(left_s, 0, 'f', 0);
 }
 
 QWidget* console_window::make_alarm_strip() {
     strip_ = new QFrame(this);
     strip_->setObjectName("alarm_strip");
     auto* row = new QHBoxLayout(strip_);
-    row->setContentsMargins(12, 3, 5, 3);
+    row->setContentsMargins(12, 1, 5, 1);
     strip_text_ = new QLabel(strip_);
     strip_text_->setObjectName("alarm_text");
     strip_text_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
     strip_text_->setAccessibleName(tr("Alarm"));
-    auto* more = new QPushButton(tr("Show"), strip_);
+    strip_->setFixedHeight(34); // the same with and without an alarm
+    auto* more = strip_more_ = new QPushButton(tr("Show"), strip_);
     connect(more, &QPushButton::clicked, this, [this] { show_tab("alarms"); });
-    auto* acknowledge = new QPushButton(tr("Acknowledge"), strip_);
+    auto* acknowledge = strip_acknowledge_ = new QPushButton(tr("Acknowledge"), strip_);
+    for (auto* each : {more, acknowledge}) {
+        auto kept = each->sizePolicy();
+        kept.setRetainSizeWhenHidden(true);
+        each->setSizePolicy(kept);
+        each->hide();
+    }
     acknowledge->setObjectName("acknowledge_first");
     acknowledge->setToolTip(tr("Acknowledges this alarm; it stays in the list until its cause is gone"));
     connect(acknowledge, &QPushButton::clicked, this, [this] {
@@ -110,7 +149,6 @@ QWidget* console_window::make_alarm_strip() {
     row->addWidget(strip_text_, 1);
     row->addWidget(more);
     row->addWidget(acknowledge);
-    strip_->hide();
     return strip_;
 }
 
@@ -118,20 +156,30 @@ void console_window::show_alarm_strip() {
     const auto& t = colours();
     const auto& all = seen_->alarms;
     auto open = std::count_if(all.begin(), all.end(), [](const auto& one) { return !one.acknowledged; });
-    strip_->setVisible(open > 0);
+    strip_more_->setVisible(open > 0);
+    strip_acknowledge_->setVisible(open > 0);
     auto place = tabs_->indexOf(alarms_);
-    tabs_->setTabText(place, all.empty() ? tr("Alarms") : tr("Alarms %1").arg(all.size()));
-    tabs_->tabBar()->setTabTextColor(place, open > 0 ? t.bad : QColor());
-    if (open == 0) return;
+    bool grave = std::ranges::any_of(all, [](const auto& a) { return !a.acknowledged && a.how == severity::critical; });
+    tabs_->tabBar()->setTabTextColor(place, grave ? t.bad : open > 0 ? t.warn : QColor());
+    tabs_->setTabToolTip(place, tr("Active alarms: %1 (F5)").arg(all.size()));
+    auto strip_sheet = [](const QColor& back, const QColor& ink, int weight) {
+        return QStringLiteral(
+                   "QFrame#alarm_strip { background: %1; border-radius: 9px; } QLabel { color: %2; font-weight: %3; }")
+            .arg(back.name(), ink.name())
+            .arg(weight);
+    };
+    if (open == 0) {
+        set_sheet(strip_, strip_sheet(t.page, t.ink3, 400));
+        strip_text_->setText(all.empty() ? tr("No alarms") : tr("Acknowledged alarms: %1 (F5)").arg(all.size()));
+        strip_text_->setToolTip({});
+        return;
+    }
     const auto& first = all.front(); // unacknowledged ones come first
     auto ink = first.how == severity::critical ? t.bad : first.how == severity::warning ? t.warn : t.accent;
     auto back = first.how == severity::critical  ? t.bad_back
                 : first.how == severity::warning ? t.warn_back
                                                  : t.notice_back;
-    strip_->setStyleSheet(
-        QStringLiteral(
-            "QFrame#alarm_strip { background: %1; border-radius: 9px; } QLabel { color: %2; font-weight: 600; }")
-            .arg(back.name(), ink.name()));
+    set_sheet(strip_, strip_sheet(back, ink, 600));
     auto words = QStringLiteral("%1  %2").arg(text(iso_time(first.raised_at).substr(11, 8)), text(first.text));
     if (first.over_at) words += tr("  (over)");
     if (open > 1) words += tr("   + %1 more").arg(open - 1);
@@ -174,7 +222,7 @@ QWidget* console_window::make_side() {
     }
     connect(tabs_, &QTabWidget::currentChanged, this, [this] { refresh(); });
     column->addWidget(tabs_, 7);
-    side->setMinimumWidth(392);
+    side->setMinimumWidth(440);
     side->setMaximumWidth(640);
     return side;
 }

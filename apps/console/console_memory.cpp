@@ -29,6 +29,7 @@ void console_window::recall() {
 console_memory console_window::memory() const {
     auto made = remembered_;
     made.night = options_.night;
+    made.red = red_;
     made.shown = shown_units();
     if (told_component_) {
         bool settled = now() - began_ > std::chrono::minutes(10); // before that, the cause may not be known yet

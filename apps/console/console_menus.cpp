@@ -46,6 +46,8 @@ void console_window::make_menus() {
     auto* view = menuBar()->addMenu(tr("&View"));
     night_ =
         toggle(view, tr("&Night colours"), QKeySequence("Ctrl+N"), options_.night, [this](bool on) { set_night(on); });
+    red_action_ =
+        toggle(view, tr("Re&d night colours"), QKeySequence("Ctrl+Shift+N"), red_, [this](bool on) { set_red(on); });
     follow_ =
         toggle(view, tr("&Follow the boat"), QKeySequence("F"), true, [this](bool on) { chart_->set_follow(on); });
     measure_ = toggle(view, tr("&Measure"), QKeySequence("M"), false, [this](bool on) {
@@ -109,13 +111,18 @@ void console_window::make_menus() {
         mission_->set_editing(on);
         if (on) show_tab("mission");
     });
+    add(mission, tr("Ne&w list"), QKeySequence("Ctrl+Shift+E"), [this] { mission_->begin_new(); });
     add(mission, tr("&Undo"), QKeySequence::Undo, [this] { draft_.undo(); });
     add(mission, tr("&Upload…"), QKeySequence("Ctrl+U"),
         [this] { actions_.upload(draft_.points(), seen_->mission.points); });
     add(mission, tr("Read &back"), QKeySequence("Ctrl+B"), [this] { actions_.give(commands::waypoint_read_back()); });
     add(mission, tr("As on the b&oat"), {}, [this] { draft_.take_over(seen_->mission.points); });
 
-    auto* help = menuBar()->addMenu(tr("&Alarms and help"));
+    mission->addSeparator();
+    add(mission, tr("&Import route (GPX)…"), QKeySequence("Ctrl+O"), [this] { import_route(); });
+    add(mission, tr("E&xport route (GPX)…"), QKeySequence("Ctrl+Shift+S"), [this] { export_route(); });
+
+    auto* help = menuBar()->addMenu(tr("&Alarms"));
     add(help, tr("Acknowledge &all alarms"), QKeySequence("Ctrl+K"), [this] { actions_.act(acknowledge_alarm()); });
     add(help, tr("Alarm &limits…"), QKeySequence("Ctrl+L"), [this] { edit_limits(); });
     add(help, tr("&Keys and mouse"), QKeySequence("Shift+F1"), [this] { show_keys(); });

@@ -1,5 +1,6 @@
 #include "console_window.hpp"
 
+#include "alarm_sound.hpp"
 #include "boat_panel.hpp"
 #include "chart_view.hpp"
 #include "command_button.hpp"
@@ -8,11 +9,16 @@
 #include "links_panel.hpp"
 #include "lists.hpp"
 #include "mission_panel.hpp"
+#include "route_gpx.hpp"
 #include "theme.hpp"
 
 #include <components/gui_client/track_store.hpp>
 
+#include <QApplication>
+#include <QDir>
+#include <QFile>
 #include <QFileDialog>
+#include <QFileInfo>
 #include <QHBoxLayout>
 #include <QLabel>
 #include <QMenuBar>
@@ -21,6 +27,8 @@
 #include <QStatusBar>
 #include <QTabWidget>
 #include <QTimer>
+
+#include <utility>
 
 namespace atirma::console {
 
@@ -33,7 +41,10 @@ console_window::console_window(operator_actions::sink act, window_options option
     remembered_ = settings_.load(trouble);
     options_.night = options_.night || remembered_.night.value_or(false);
     use_units(remembered_.shown);
-    use_theme(options_.night);
+    red_ = remembered_.red;
+    use_palette();
+    sound_ = new alarm_sound(options_.alarm_player, this);
+    connect(sound_, &alarm_sound::failed, this, &console_window::say);
     // Created in tab order: Qt 6.4 loses nested widgets if the order is set later.
     auto* strip = make_alarm_strip();
     chart_ = new chart_view(draft_, this);
@@ -59,9 +70,9 @@ console_window::console_window(operator_actions::sink act, window_options option
     make_chart_tools();
     menuBar()->setCornerWidget(make_head(), Qt::TopRightCorner);
     statusBar()->setSizeGripEnabled(false);
-    statusBar()->hide();
-    connect(statusBar(), &QStatusBar::messageChanged, this,
-            [this](const QString& words) { statusBar()->setVisible(!words.isEmpty()); });
+    statusBar()->setFixedHeight(22); // always there: a message moves nothing
+    record_mark_ = new QLabel(this);
+    statusBar()->addPermanentWidget(record_mark_);
     connect(&actions_, &operator_actions::said, this, &console_window::say);
     connect(chart_, &chart_view::edit_refused, this, &console_window::say);
     connect(chart_, &chart_view::sail_wanted, &actions_, &operator_actions::sail_there);
@@ -120,7 +131,7 @@ void console_window::show_snapshot(std::shared_ptr<const snapshot> seen) {
 void console_window::refresh() {
     if (!seen_) return;
     auto at = now();
-    actions_.know(seen_->authority);
+    actions_.know(seen_);
     command_->show_snapshot(*seen_);
     chart_->show_snapshot(seen_, at);
     instruments_->show_boat(seen_->boat, at);
@@ -134,6 +145,42 @@ void console_window::refresh() {
     present_->show_snapshot(*seen_, at);
     show_head(at);
     show_alarm_strip();
+    ring();
+    write_alarm_log();
+}
+
+/// The component says when (gui_client/alarm_bell.hpp); this window is seen and heard.
+void console_window::ring() {
+    const auto& bell = seen_->bell;
+    if (bell.count == calls_heard_) return;
+    calls_heard_ = bell.count;
+    if (bell.count == 0) return; // the component has started again
+    sound_->play(bell.how);
+    QApplication::alert(this); // the window asks for attention in the task bar, until it is used
+}
+
+/// Beside the settings, for good.
+void console_window::write_alarm_log() {
+    if (options_.settings.isEmpty() || !seen_->alarm_log || seen_->alarm_log->empty()) return;
+    if (seen_->alarm_log->back().number < alarms_logged_) alarms_logged_ = 0; // the component has started again
+    if (seen_->alarm_log->back().number == alarms_logged_) return;
+    auto path = QFileInfo(options_.settings).absolutePath() + "/alarms.log";
+    QString lines;
+    for (const auto& one : *seen_->alarm_log)
+        if (one.number > alarms_logged_)
+            lines += QStringLiteral("%1\t%2\t%3\t%4\n")
+                         .arg(text(iso_time(one.at)), text(std::string(name_of(one.how))),
+                              text(std::string(name_of(one.what))), text(one.text).simplified());
+    alarms_logged_ = seen_->alarm_log->back().number;
+    auto folder = QFileInfo(path).absolutePath();
+    constexpr qint64 most = 4 << 20; // then the one before is forgotten
+    if (QFileInfo(path).size() > most) {
+        QFile::remove(path + ".1");
+        QFile::rename(path, path + ".1");
+    }
+    QFile file(path);
+    bool written = QDir().mkpath(folder) && file.open(QIODevice::Append) && file.write(lines.toUtf8()) >= 0;
+    if (!written && !std::exchange(log_failed_, true)) say(tr("cannot write the log of alarms %1").arg(path));
 }
 
 bool console_window::show_tab(const QString& name) {
@@ -149,8 +196,24 @@ void console_window::say(const QString& words) { statusBar()->showMessage(words,
 
 void console_window::set_night(bool on) {
     options_.night = on;
-    use_theme(on);
+    if (on) red_ = false;
+    use_palette();
     if (night_->isChecked() != on) night_->setChecked(on);
+    if (red_action_->isChecked() != red_) red_action_->setChecked(red_);
+    show_palette();
+}
+
+void console_window::set_red(bool on) {
+    red_ = on;
+    use_palette();
+    if (red_action_->isChecked() != on) red_action_->setChecked(on);
+    show_palette();
+}
+
+void console_window::use_palette() { use_theme(red_ ? palette::red : options_.night ? palette::night : palette::day); }
+
+/// What has taken colours before.
+void console_window::show_palette() {
     log_->forget();
     packets_->forget();
     mission_->forget();
@@ -160,7 +223,7 @@ void console_window::set_night(bool on) {
 void console_window::resizeEvent(QResizeEvent* event) {
     QMainWindow::resizeEvent(event);
     bool low = event->size().height() < 680; // a tablet: the instruments leave room for the lists
-    instruments_->setMaximumHeight(low ? 232 : 330);
+    instruments_->setMaximumHeight(low ? 206 : 330);
 }
 
 void console_window::export_track(bool gpx) {
@@ -173,6 +236,38 @@ void console_window::export_track(bool gpx) {
                        : track_to_csv(*seen_->track);
     auto trouble = write_file(path, content);
     say(trouble.isEmpty() ? tr("%1 points were written to %2").arg(seen_->track->size()).arg(path) : trouble);
+}
+
+QString console_window::import_route(const QString& path) {
+    QFile file(path);
+    if (!file.open(QIODevice::ReadOnly)) return tr("cannot read %1: %2").arg(path, file.errorString());
+    constexpr qint64 most = 4 << 20;
+    if (file.size() > most) return tr("%1 has more than 4 MiB: it is no route").arg(path);
+    auto route = route_from_gpx(file.readAll());
+    if (!route.trouble.isEmpty()) return tr("%1 was not imported: %2").arg(path, route.trouble);
+    draft_.replace(std::move(route.points));
+    show_tab("mission");
+    return {};
+}
+
+QString console_window::export_route(const QString& path) const {
+    auto name = options_.boat_name + " " + text(iso_time(now()).substr(0, 10));
+    return write_file(path, route_to_gpx(name, draft_.points()));
+}
+
+void console_window::import_route() {
+    auto path = QFileDialog::getOpenFileName(this, tr("Import a route"), {}, tr("GPX (*.gpx);;All files (*)"));
+    if (path.isEmpty()) return;
+    auto trouble = import_route(path);
+    say(trouble.isEmpty() ? tr("%1 waypoints were read from %2: upload them").arg(draft_.points().size()).arg(path)
+                          : trouble);
+}
+
+void console_window::export_route() {
+    auto path = QFileDialog::getSaveFileName(this, tr("Export the route"), "route.gpx", tr("GPX (*.gpx)"));
+    if (path.isEmpty()) return;
+    auto trouble = export_route(path);
+    say(trouble.isEmpty() ? tr("%1 waypoints were written to %2").arg(draft_.points().size()).arg(path) : trouble);
 }
 
 void console_window::toggle_recording(bool on) {

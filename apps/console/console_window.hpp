@@ -24,6 +24,7 @@ class QTabWidget;
 namespace atirma::console {
 
 class alarm_list;
+class alarm_sound;
 class boat_panel;
 class chart_view;
 class command_button;
@@ -39,6 +40,7 @@ struct window_options {
     bool night = false;
     QString boat_name = "A-Tirma";
     QString settings;                ///< the file for window, units, limits…; empty: nothing is saved
+    QString alarm_player;            ///< plays the sound of alarms (alarm_sound.hpp)
     std::function<utc_time()> clock; ///< civil time; empty: this machine's
 };
 
@@ -53,6 +55,10 @@ public:
     void attach(std::shared_ptr<operator_port> port);
     void show_snapshot(std::shared_ptr<const snapshot> seen);
     void set_night(bool on);
+    void set_red(bool on);
+    /// Reads a route into the mission editor. Returns why it was not, or an empty string.
+    QString import_route(const QString& path);
+    QString export_route(const QString& path) const;
     /// "mission", "links"…
     bool show_tab(const QString& name);
     /// Shows a line at the bottom for some seconds.
@@ -87,6 +93,13 @@ private:
     void refresh();
     void show_head(utc_time now);
     void show_alarm_strip();
+    void ring();
+    void write_alarm_log();
+    void use_palette();
+    void show_palette();
+    void import_route();
+    void export_route();
+    QString mode_words(utc_time now) const;
     void export_track(bool gpx);
     void toggle_recording(bool on);
     utc_time now() const;
@@ -100,8 +113,11 @@ private:
     std::shared_ptr<const snapshot> seen_;
     settings_file settings_{QString()};
     console_memory remembered_; ///< the part that no widget holds
-    bool told_component_ = false, settings_failed_ = false;
+    bool told_component_ = false, settings_failed_ = false, log_failed_ = false;
+    bool red_ = false;
     utc_time began_{};
+    std::uint64_t calls_heard_ = 0, alarms_logged_ = 0;
+    alarm_sound* sound_;
     QSplitter* split_;
     chart_view* chart_;
     command_button* command_;
@@ -117,7 +133,8 @@ private:
     QTabWidget* tabs_;
     QFrame* strip_;
     QLabel *strip_text_, *status_, *mode_, *record_mark_, *clock_;
-    QAction *night_, *follow_, *measure_, *edit_, *record_;
+    QPushButton *strip_more_, *strip_acknowledge_;
+    QAction *night_, *red_action_, *follow_, *measure_, *edit_, *record_;
 };
 
 } // namespace atirma::console

@@ -19,9 +19,10 @@ helm_bar::helm_bar(operator_actions& actions, QWidget* parent) : QWidget(parent)
     row->setSpacing(4);
     const std::pair<sailing_mode, QString> modes[] = {
         {sailing_mode::automatic, tr("Sails the waypoints (Ctrl+1)")},
-        {sailing_mode::hold, tr("Keeps its heading (Ctrl+2)")},
-        {sailing_mode::station_keep, tr("Keeps its position (Ctrl+3)")},
-        {sailing_mode::return_home, tr("Sails home and stays there (Ctrl+4)")},
+        {sailing_mode::hold, tr("Keeps its heading, for the time of the parameter heading time limit at most; then it "
+                                "loiters (Ctrl+2)")},
+        {sailing_mode::station_keep, tr("Stays around its present place (Ctrl+3)")},
+        {sailing_mode::return_home, tr("Return to launch: sails home and stays there (Ctrl+4)")},
         {sailing_mode::manual, tr("Steered by the remote control (Ctrl+5); asks for confirmation")},
     };
     for (const auto& [mode, tip] : modes) {

@@ -12,6 +12,8 @@
 namespace atirma::console {
 namespace {
 
+constexpr float slowest_course_mps = 0.05f; ///< below, a course over ground means nothing
+
 /// Without a minus before zero.
 QString whole(double value) { return QString::number(std::round(value) + 0.0, 'f', 0).replace('-', QChar(0x2212)); }
 QString degrees(double value) {
@@ -27,7 +29,8 @@ QString duration_text(double seconds) {
 
 } // namespace
 
-value_tile::value_tile(const QString& label, const QString& tip, QWidget* parent) : QWidget(parent), label_(label) {
+value_tile::value_tile(const QString& label, const QString& tip, QWidget* parent)
+    : QWidget(parent), label_(label), tip_(tip) {
     setToolTip(tip);
     setAccessibleName(label);
     setSizePolicy(QSizePolicy::Expanding, QSizePolicy::Expanding);
@@ -39,6 +42,10 @@ void value_tile::show_value(const QString& value, const QString& unit, freshness
     how_ = how;
     age_ = how == freshness::none ? QString() : text(age_text(age_seconds));
     setAccessibleDescription(value_.isEmpty() ? tr("unknown") : QStringLiteral("%1 %2, %3").arg(value_, unit_, age_));
+    setToolTip(
+        age_.isEmpty()
+            ? tip_
+            : QStringLiteral("%1\n%2 %3, %4").arg(tip_, value_, unit_, age_ == "now" ? age_ : tr("%1 old").arg(age_)));
     update();
 }
 
@@ -48,38 +55,45 @@ void value_tile::paintEvent(QPaintEvent*) {
     const auto& t = colours();
     QRectF box = QRectF(rect()).adjusted(0.5, 0.5, -0.5, -0.5);
     to.setPen(QPen(how_ == freshness::stale ? t.of(how_) : t.line, 1));
-    to.setBrush(how_ == freshness::stale ? t.bad_back : t.card);
+    to.setBrush(how_ == freshness::stale ? t.warn_back : t.card);
     to.drawRoundedRect(box, 8, 8);
-    to.setFont(font_of(10, QFont::DemiBold));
+    auto small = font_of(smallest_text, QFont::DemiBold);
+    to.setFont(small);
     to.setPen(t.ink3);
-    to.drawText(QRectF(9, 5, box.width() - 14, 14), Qt::AlignLeft | Qt::AlignVCenter, label_);
-    if (!age_.isEmpty()) {
-        to.setFont(font_of(10));
+    QRectF head(8, 3, box.width() - 15, 17);
+    to.drawText(head, Qt::AlignLeft | Qt::AlignVCenter, label_);
+    if (!age_.isEmpty()) { // where it does not fit, its mark stays, and the tooltip has it
+        double room = head.width() - QFontMetricsF(small).horizontalAdvance(label_) - 4;
+        to.setFont(font_of(smallest_text));
+        double wide = QFontMetricsF(to.font()).horizontalAdvance(age_);
         to.setPen(t.of(how_));
-        QRectF at(9, 5, box.width() - 16, 14);
-        to.drawText(at, Qt::AlignRight | Qt::AlignVCenter, age_);
-        double left = at.right() - QFontMetricsF(to.font()).horizontalAdvance(age_) - 7;
+        if (wide <= room) to.drawText(head, Qt::AlignRight | Qt::AlignVCenter, age_);
         to.setPen(Qt::NoPen);
         to.setBrush(t.of(how_));
-        to.drawEllipse(QPointF(left, at.center().y() + 0.5), 2.6, 2.6);
+        if (wide + 10 <= room || wide > room)
+            to.drawEllipse(QPointF(head.right() - (wide <= room ? wide + 7 : 3), head.center().y() + 0.5), 3, 3);
     }
     int size = box.height() < 54 ? 20 : 24;
     auto shown = value_.isEmpty() ? QStringLiteral("–") : value_;
-    auto unit_font = font_of(11);
-    double unit_wide = QFontMetricsF(unit_font).horizontalAdvance(unit_);
-    while (size > 13 &&
-           QFontMetricsF(font_of(size, QFont::DemiBold)).horizontalAdvance(shown) + unit_wide + 22 > box.width())
-        --size;
+    auto unit_font = font_of(smallest_text);
+    auto unit = unit_;
+    auto fits = [&] {
+        return QFontMetricsF(font_of(size, QFont::DemiBold)).horizontalAdvance(shown) +
+                   QFontMetricsF(unit_font).horizontalAdvance(unit) + 14 <=
+               box.width();
+    };
+    while (size > smallest_text && !fits()) --size;
+    while (!fits() && unit.contains("  ")) unit.truncate(unit.lastIndexOf("  ")); // the tooltip has the rest
     auto font = font_of(size, QFont::DemiBold);
     to.setFont(font);
     to.setPen(t.ink_of(how_));
     QFontMetricsF metrics(font);
-    double base = box.height() - 10;
-    to.drawText(QPointF(9, base), shown);
+    double base = box.height() - 8;
+    to.drawText(QPointF(8, base), shown);
     if (value_.isEmpty()) return;
     to.setFont(unit_font);
     to.setPen(t.ink3);
-    to.drawText(QPointF(9 + metrics.horizontalAdvance(shown) + 4, base), unit_);
+    to.drawText(QPointF(8 + metrics.horizontalAdvance(shown) + 3, base), unit);
 }
 
 actuator_gauge::actuator_gauge(const QString& label, double low, double high, QWidget* parent)
@@ -107,11 +121,11 @@ void actuator_gauge::paintEvent(QPaintEvent*) {
     const auto& t = colours();
     QRectF box = QRectF(rect()).adjusted(0.5, 0.5, -0.5, -0.5);
     to.setPen(QPen(how_ == freshness::stale ? t.of(how_) : t.line, 1));
-    to.setBrush(how_ == freshness::stale ? t.bad_back : t.card);
+    to.setBrush(how_ == freshness::stale ? t.warn_back : t.card);
     to.drawRoundedRect(box, 8, 8);
-    to.setFont(font_of(10, QFont::DemiBold));
+    to.setFont(font_of(smallest_text, QFont::DemiBold));
     to.setPen(t.ink3);
-    to.drawText(QRectF(9, 4, 80, 15), Qt::AlignLeft | Qt::AlignVCenter, label_);
+    to.drawText(QRectF(9, 3, 80, 17), Qt::AlignLeft | Qt::AlignVCenter, label_);
     QRectF bar(10, box.height() - 17, box.width() - 20, 7);
     to.setPen(Qt::NoPen);
     to.setBrush(t.line);
@@ -130,8 +144,8 @@ void actuator_gauge::paintEvent(QPaintEvent*) {
             QPolygonF({{wanted, bar.top() - 1}, {wanted - 4.5, bar.top() - 8}, {wanted + 4.5, bar.top() - 8}}));
         to.setFont(font_of(11, QFont::DemiBold));
         to.setPen(t.ink_of(how_));
-        auto words = QStringLiteral("%1 → %2°").arg(whole(actual_), whole(commanded_));
-        to.drawText(QRectF(9, 4, box.width() - 18, 15), Qt::AlignRight | Qt::AlignVCenter, words);
+        auto words = QStringLiteral("%1→%2°").arg(whole(actual_), whole(commanded_));
+        to.drawText(QRectF(9, 3, box.width() - 18, 17), Qt::AlignRight | Qt::AlignVCenter, words);
     }
     to.setPen(QPen(t.ink3, 1));
     to.drawLine(QPointF(zero, bar.top() - 1), QPointF(zero, bar.bottom() + 2));
@@ -199,16 +213,23 @@ void instrument_panel::show_boat(const boat_view& boat, utc_time now) {
     navigation nav = boat.sailing ? boat.sailing->value : navigation();
     sog_->show_value(QString::number(speed_value(static_cast<double>(fix.speed_over_ground_mps)), 'f', 1), speed_name(),
                      fix_how, fix_age);
-    cog_->show_value(degrees(static_cast<double>(fix.course_over_ground_deg)), "°", fix_how, fix_age);
+    auto course_how = fix.speed_over_ground_mps >= slowest_course_mps ? fix_how : freshness::none;
+    cog_->show_value(degrees(static_cast<double>(fix.course_over_ground_deg)), "°", course_how, fix_age);
     heading_->show_value(degrees(static_cast<double>(nav.heading_deg)), "°", nav_how, nav_age);
     heel_->show_value(whole(static_cast<double>(nav.heel_deg)), "°", nav_how, nav_age);
-    auto way_how = nav.waypoint_count > 0 ? nav_how : freshness::none;
+    // What does not apply is not shown: without a waypoint there is no distance to it, in Heading no leg, at rest no
+    // course.
+    bool on_legs = nav.mode == sailing_mode::automatic || nav.mode == sailing_mode::return_home;
+    bool has_mark = nav.mode == sailing_mode::automatic ? nav.waypoint_count > 0
+                                                        : on_legs || nav.mode == sailing_mode::station_keep;
+    auto way_how = has_mark ? nav_how : freshness::none;
+    auto leg_how = on_legs ? way_how : freshness::none;
     auto [far, far_unit] = distance_parts(static_cast<double>(nav.distance_to_waypoint_m));
     dtw_->show_value(far, far_unit, way_how, nav_age);
     btw_->show_value(degrees(static_cast<double>(nav.bearing_to_waypoint_deg)), "°", way_how, nav_age);
     auto off = static_cast<double>(nav.cross_track_error_m);
-    xte_->show_value(whole(std::abs(off)), off > 0.5 ? tr("m R") : off < -0.5 ? tr("m L") : tr("m"), way_how, nav_age);
-    auto left = time_to_waypoint_s(boat);
+    xte_->show_value(whole(std::abs(off)), off > 0.5 ? tr("m R") : off < -0.5 ? tr("m L") : tr("m"), leg_how, nav_age);
+    auto left = on_legs ? time_to_waypoint_s(boat) : std::nullopt;
     auto then = now + std::chrono::seconds(static_cast<long long>(left.value_or(0)));
     eta_->show_value(left ? duration_text(*left) : QString(), text(iso_time(then).substr(11, 5)),
                      left ? std::max(way_how, fix_how) : freshness::none, std::max(fix_age, nav_age));

@@ -24,7 +24,7 @@ protected:
     void paintEvent(QPaintEvent*) override;
 
 private:
-    QString label_, value_, unit_, age_;
+    QString label_, tip_, value_, unit_, age_;
     freshness how_ = freshness::none;
 };
 

@@ -1,16 +1,16 @@
 #include "limits_dialog.hpp"
 
+#include "number_box.hpp"
 #include "theme.hpp"
 
 #include <QDialogButtonBox>
-#include <QDoubleSpinBox>
 #include <QFormLayout>
 #include <QLabel>
 #include <QPushButton>
 
 namespace atirma::console {
 
-limits_dialog::limits_dialog(const alarm_limits& now, QWidget* parent) : QDialog(parent) {
+limits_dialog::limits_dialog(const alarm_limits& now, QWidget* parent) : QDialog(parent), before_(now) {
     setObjectName("limits");
     setWindowTitle(tr("Alarm limits"));
     auto* column = new QVBoxLayout(this);
@@ -19,15 +19,15 @@ limits_dialog::limits_dialog(const alarm_limits& now, QWidget* parent) : QDialog
     form->setVerticalSpacing(7);
     auto add = [&](const char* name, const QString& words, const QString& tip, double low, double high,
                    const QString& unit) {
-        auto* box = new QDoubleSpinBox(this);
+        auto* box = new number_box(low, high, this);
         box->setObjectName(name);
-        box->setRange(low, high);
         box->setDecimals(0);
         box->setSuffix(" " + unit);
         box->setToolTip(tip);
-        box->setButtonSymbols(QAbstractSpinBox::NoButtons);
         box->setMinimumWidth(110);
         form->addRow(words, box);
+        all_.push_back(box);
+        box->setProperty("words", words);
         connect(box, &QDoubleSpinBox::valueChanged, this, &limits_dialog::check);
         return box;
     };
@@ -48,6 +48,8 @@ limits_dialog::limits_dialog(const alarm_limits& now, QWidget* parent) : QDialog
     column->addLayout(form);
     trouble_ = new QLabel(this);
     trouble_->setObjectName("limits_trouble");
+    trouble_->setWordWrap(true);
+    trouble_->setMinimumHeight(2 * QFontMetrics(font_of(smallest_text)).lineSpacing());
     trouble_->setStyleSheet(QStringLiteral("color: %1").arg(colours().bad.name()));
     column->addWidget(trouble_);
     auto* buttons = new QDialogButtonBox(this);
@@ -76,11 +78,25 @@ void limits_dialog::show_limits(const alarm_limits& all) {
 }
 
 void limits_dialog::check() {
-    bool good = battery_critical_->value() <= battery_low_->value();
-    trouble_->setText(good ? QString()
-                           : tr("The critical limit is above the low one: the battery would never be only low"));
-    trouble_->setVisible(!good);
-    accept_->setEnabled(good);
+    if (!accept_) return; // not complete yet
+    QString trouble;
+    for (const auto* each : all_)
+        if (trouble.isEmpty() && !each->good())
+            trouble = tr("%1: %2").arg(each->property("words").toString(), each->trouble());
+    if (trouble.isEmpty() && battery_critical_->value() > battery_low_->value())
+        trouble = tr("The critical limit is above the low one: the battery would never be only low");
+    const auto& b = before_;
+    const std::pair<number_box*, double> used[] = {{no_data_, b.no_data_s},
+                                                   {link_silent_, b.link_silent_s},
+                                                   {proxy_lost_, b.proxy_lost_s},
+                                                   {battery_low_, b.battery_low_percent},
+                                                   {battery_critical_, b.battery_critical_percent},
+                                                   {off_track_, b.off_track_m},
+                                                   {modem_hot_, b.modem_hot_c},
+                                                   {duty_, b.duty_percent}};
+    for (const auto& [box, value] : used) box->mark_changed(box->value() != value);
+    trouble_->setText(trouble);
+    accept_->setEnabled(trouble.isEmpty());
 }
 
 alarm_limits limits_dialog::limits() const {

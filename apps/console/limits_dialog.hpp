@@ -3,11 +3,14 @@
 
 #include <QDialog>
 
-class QDoubleSpinBox;
+#include <vector>
+
 class QLabel;
 class QPushButton;
 
 namespace atirma::console {
+
+class number_box;
 
 /// The limits of the alarms. Contradictory figures cannot be accepted.
 class limits_dialog : public QDialog {
@@ -20,10 +23,12 @@ private:
     void show_limits(const alarm_limits& all);
     void check();
 
-    QDoubleSpinBox *no_data_, *link_silent_, *proxy_lost_, *battery_low_, *battery_critical_, *off_track_, *modem_hot_,
+    alarm_limits before_;
+    std::vector<number_box*> all_;
+    number_box *no_data_, *link_silent_, *proxy_lost_, *battery_low_, *battery_critical_, *off_track_, *modem_hot_,
         *duty_;
     QLabel* trouble_;
-    QPushButton* accept_;
+    QPushButton* accept_ = nullptr;
 };
 
 } // namespace atirma::console

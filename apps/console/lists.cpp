@@ -4,6 +4,7 @@
 #include "theme.hpp"
 
 #include <components/gui_client/freshness.hpp>
+#include <components/gui_client/track_store.hpp>
 #include <components/gui_client/words.hpp>
 
 #include <QHeaderView>
@@ -24,13 +25,14 @@ QColor colour_of(command_phase phase) {
 } // namespace
 
 command_list::command_list(QWidget* parent) : QWidget(parent) {
-    table_ =
-        make_table({tr("UTC"), tr("Command"), tr("State"), tr("By"), tr("Link"), tr("Details")}, "command_table", this);
-    table_->setColumnWidth(0, 68);
-    table_->setColumnWidth(1, 132);
-    table_->setColumnWidth(2, 70);
-    table_->setColumnWidth(3, 84);
-    table_->setColumnWidth(4, 50);
+    table_ = make_table({tr("UTC"), tr("Command"), tr("State"), tr("By, link")}, "command_table", this);
+    table_->setColumnWidth(0, 76);
+    table_->setColumnWidth(2, 92);
+    table_->setColumnWidth(3, 86);
+    table_->horizontalHeader()->setStretchLastSection(false);
+    table_->horizontalHeader()->setSectionResizeMode(1, QHeaderView::Stretch);
+    table_->verticalHeader()->setSectionResizeMode(QHeaderView::ResizeToContents);
+    table_->setWordWrap(true);
     table_->setAccessibleName(tr("Telecommands"));
     empty_ = new QLabel(tr("No telecommand yet"), this);
     empty_->setAlignment(Qt::AlignCenter);
@@ -55,14 +57,14 @@ void command_list::show_snapshot(const snapshot& seen, utc_time) {
                        .arg(it->id)
                        .arg(clock_of(it->changed_at));
         set_cell(table_, row, 0, clock_of(it->asked_at), t.ink3, tip);
-        set_cell(table_, row, 1, text(it->what), t.ink);
+        set_cell(table_, row, 1, text(it->text.empty() ? it->what : it->what + "\n" + it->text), t.ink);
         set_cell(table_, row, 2, "● " + text(std::string(name_of(it->phase))), colour_of(it->phase), tip);
         auto who = it->asked_by.empty() ? tr("other") : text(operator_label(it->asked_by));
-        set_cell(table_, row, 3, it->own ? tr("here") : who, it->own ? t.ink2 : t.accent,
-                 it->own ? tr("sent from this console") : tr("sent by: %1").arg(text(it->asked_by)));
-        set_cell(table_, row, 4, it->link ? text(label(*it->link)) : QStringLiteral("–"),
-                 it->link ? t.of(*it->link) : t.ink3, text(it->path));
-        set_cell(table_, row, 5, text(it->text), t.ink2);
+        auto by = it->own ? tr("here") : who;
+        if (it->link) by += "\n" + text(label(*it->link));
+        set_cell(table_, row, 3, by, it->own ? t.ink2 : t.accent,
+                 (it->own ? tr("sent from this console") : tr("sent by: %1").arg(text(it->asked_by))) + "\n" +
+                     text(it->path));
     }
 }
 
@@ -120,15 +122,35 @@ alarm_list::alarm_list(std::function<void(const std::string&)> acknowledge, QWid
     empty_->setAlignment(Qt::AlignCenter);
     empty_->setProperty("role", "small");
     table_ = make_table({tr("Since"), tr("Alarm"), tr("State")}, "alarm_table", this);
-    table_->setColumnWidth(0, 70);
+    table_->setColumnWidth(0, 76);
     table_->horizontalHeader()->setStretchLastSection(false);
     table_->horizontalHeader()->setSectionResizeMode(1, QHeaderView::Stretch);
-    table_->setColumnWidth(2, 96);
+    table_->setColumnWidth(2, 112);
     table_->setWordWrap(true);
     table_->setAccessibleName(tr("Alarms"));
     column->addWidget(table_, 1);
     column->addWidget(empty_);
+    log_ = make_table({tr("UTC"), tr("Alarm"), tr("Event")}, "alarm_log", this);
+    log_->setColumnWidth(0, 76);
+    log_->horizontalHeader()->setStretchLastSection(false);
+    log_->horizontalHeader()->setSectionResizeMode(1, QHeaderView::Stretch);
+    log_->verticalHeader()->setSectionResizeMode(QHeaderView::ResizeToContents);
+    log_->setColumnWidth(2, 112);
+    log_->setWordWrap(true);
+    log_->setAccessibleName(tr("Log of alarms"));
+    log_->hide();
+    column->addWidget(log_, 1);
     auto* line = new QHBoxLayout;
+    log_button_ = new QPushButton(tr("Log"), this);
+    log_button_->setObjectName("show_alarm_log");
+    log_button_->setCheckable(true);
+    log_button_->setToolTip(tr("What happened to the alarms: raised, over, acknowledged"));
+    connect(log_button_, &QPushButton::toggled, this, [this](bool on) {
+        log_->setVisible(on);
+        table_->setVisible(!on && !keys_.empty());
+        empty_->setVisible(!on && keys_.empty());
+    });
+    line->addWidget(log_button_);
     auto* one = new QPushButton(tr("Acknowledge"), this);
     one->setObjectName("acknowledge_one");
     auto* all = new QPushButton(tr("Acknowledge all"), this);
@@ -149,8 +171,9 @@ alarm_list::alarm_list(std::function<void(const std::string&)> acknowledge, QWid
 void alarm_list::show_snapshot(const snapshot& seen, utc_time) {
     const auto& t = colours();
     bool any = !seen.alarms.empty();
-    table_->setVisible(any);
-    empty_->setVisible(!any);
+    table_->setVisible(any && !log_button_->isChecked());
+    empty_->setVisible(!any && !log_button_->isChecked());
+    show_log(seen);
     std::string chosen;
     if (auto row = table_->currentRow(); row >= 0 && static_cast<std::size_t>(row) < keys_.size())
         chosen = keys_[static_cast<std::size_t>(row)];
@@ -174,6 +197,24 @@ void alarm_list::show_snapshot(const snapshot& seen, utc_time) {
         ++row;
     }
     table_->resizeRowsToContents(); // shows the full text of an alarm
+}
+
+void alarm_list::show_log(const snapshot& seen) {
+    if (!seen.alarm_log || logged_ == seen.alarm_log) return;
+    logged_ = seen.alarm_log;
+    const auto& t = colours();
+    log_->setRowCount(static_cast<int>(logged_->size()));
+    int row = 0;
+    for (auto it = logged_->rbegin(); it != logged_->rend(); ++it, ++row) {
+        bool grave = it->what == alarm_change::raised || it->what == alarm_change::more_severe;
+        auto ink = !grave                          ? t.ink2
+                   : it->how == severity::critical ? t.bad
+                   : it->how == severity::warning  ? t.warn
+                                                   : t.accent;
+        set_cell(log_, row, 0, clock_of(it->at), t.ink3, text(iso_time(it->at)));
+        set_cell(log_, row, 1, text(it->text), ink);
+        set_cell(log_, row, 2, text(std::string(name_of(it->what))), t.ink2, text(std::string(name_of(it->how))));
+    }
 }
 
 } // namespace atirma::console

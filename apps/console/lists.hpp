@@ -7,6 +7,7 @@
 #include <memory>
 
 class QPlainTextEdit;
+class QPushButton;
 class QTableWidget;
 class QLabel;
 
@@ -63,7 +64,11 @@ public:
     void show_snapshot(const snapshot& seen, utc_time now);
 
 private:
-    QTableWidget* table_;
+    void show_log(const snapshot& seen);
+
+    QTableWidget *table_, *log_;
+    QPushButton* log_button_;
+    std::shared_ptr<const std::vector<alarm_event>> logged_;
     QLabel* empty_;
     std::function<void(const std::string&)> acknowledge_;
     std::vector<std::string> keys_;

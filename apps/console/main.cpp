@@ -2,6 +2,8 @@
 #include "console_window.hpp"
 
 #include <apps/wrapped_help.hpp>
+#include <components/curl/curl_http_client.hpp>
+#include <components/curl/smtp_sender.hpp>
 #include <components/gui_client/gui_client.hpp>
 
 #include <ise/component/node.hpp>
@@ -27,6 +29,8 @@ namespace {
 
 struct arguments {
     std::string name_server, space = "atirma", operator_name, boat = "A-Tirma", screenshot, size, tab, settings;
+    std::string fence, alarm_player, alarm_hook, mail_server, mail_user, mail_from, alarms_from = "critical";
+    std::vector<std::string> mail_to;
     std::vector<std::string> proxies;
     bool night = false;
     double after_s = 10;
@@ -57,6 +61,49 @@ std::optional<QSize> size_of(const std::string& words) {
     return QSize(static_cast<int>(wide), static_cast<int>(tall));
 }
 
+/// A client of libcurl with the transfers that it runs on.
+template <class Base, class Client>
+struct on_curl : Base {
+    template <class Options>
+    on_curl(ise::loop& on, Options options) : transfers(on), client(transfers, std::move(options)) {}
+    atirma::curl_transfers transfers;
+    Client client;
+};
+struct curl_mail final : on_curl<atirma::mail_sender, atirma::smtp_sender> {
+    using on_curl::on_curl;
+    ise::task<ise::result<void>> send(atirma::mail_message what) override { return client.send(std::move(what)); }
+};
+struct curl_hook final : on_curl<atirma::http_client, atirma::curl_http_client> {
+    using on_curl::on_curl;
+    ise::task<ise::result<atirma::http_answer>> exchange(atirma::http_exchange what, ise::duration within) override {
+        return client.exchange(std::move(what), within);
+    }
+};
+
+void set_outlets(atirma::console::alarm_outlet_options& to, const arguments& given) {
+    using atirma::console::severity;
+    to.boat = given.boat;
+    to.at_least = given.alarms_from == "notice"    ? severity::notice
+                  : given.alarms_from == "warning" ? severity::warning
+                                                   : severity::critical;
+    if (!given.alarm_hook.empty()) {
+        to.hook_url = given.alarm_hook;
+        to.make_http_client = [](ise::loop& on) -> std::unique_ptr<atirma::http_client> {
+            return std::make_unique<curl_hook>(on, atirma::curl_http_options());
+        };
+    }
+    if (given.mail_to.empty()) return;
+    to.mail_to = given.mail_to;
+    to.mail_from = given.mail_from;
+    atirma::smtp_options smtp;
+    smtp.server = given.mail_server;
+    smtp.user = given.mail_user;
+    smtp.password = variable("ATIRMA_MAIL_PASSWORD");
+    to.make_mail_sender = [smtp](ise::loop& on) -> std::unique_ptr<atirma::mail_sender> {
+        return std::make_unique<curl_mail>(on, smtp);
+    };
+}
+
 int run(const arguments& given, int count, char** words) {
     auto size = given.size.empty() ? std::nullopt : size_of(given.size);
     bool pictures = !given.screenshot.empty();
@@ -83,6 +130,12 @@ int run(const arguments& given, int count, char** words) {
         if (!said.empty()) at = ise::endpoint::parse(said).value();
         terms.name_server = options.name_server = at;
     }
+    if (!given.fence.empty()) {
+        auto text = world.read_file(given.fence, atirma::geofence::max_bytes + 1).value();
+        options.state.sea =
+            std::make_shared<const atirma::sea_limits>(atirma::geofence::parse(text, given.fence).value());
+    }
+    set_outlets(options.outlets, given);
     auto port = options.port;
     ise::node node(world, std::move(terms));
     auto who = given.operator_name.empty()
@@ -94,6 +147,7 @@ int run(const arguments& given, int count, char** words) {
 
     atirma::console::window_options look;
     look.night = given.night;
+    look.alarm_player = pictures ? QStringLiteral("none") : QString::fromStdString(given.alarm_player);
     look.boat_name = QString::fromStdString(given.boat);
     if (given.settings != "none" && !(pictures && given.settings.empty())) // a picture does not use personal settings
         look.settings =
@@ -154,6 +208,17 @@ int main(int count, char** words) {
     app.add_option("--settings", given.settings,
                    "file for window, units, alarm limits and the edited list, or none "
                    "(default: atirma/console.ini in the user's configuration folder)");
+    app.add_option("--fence", given.fence, "GeoJSON file of the area that the boat does not leave");
+    app.add_option("--alarm-player", given.alarm_player,
+                   "program that plays a WAV file, or none (default: pw-play, paplay or aplay)");
+    app.add_option("--alarm-hook", given.alarm_hook, "URL of a web hook that gets each alarm (POST, JSON)");
+    app.add_option("--alarm-mail", given.mail_to, "addresses that get a mail for each alarm")->delimiter(',');
+    app.add_option("--smtp", given.mail_server, "smtps://server for these mails");
+    app.add_option("--mail-user", given.mail_user, "user there; the password is in ATIRMA_MAIL_PASSWORD");
+    app.add_option("--mail-from", given.mail_from, "sender of these mails");
+    app.add_option("--alarms-from", given.alarms_from, "the least severity that is sent: notice, warning, critical")
+        ->check(CLI::IsMember({"notice", "warning", "critical"}))
+        ->capture_default_str();
     app.add_option("--screenshot", given.screenshot,
                    "write a picture of the window to this file (PNG), then exit; needs no display");
     app.add_option("--after", given.after_s, "seconds until the picture")
@@ -178,6 +243,10 @@ int main(int count, char** words) {
             throw ise::error(ise::errc::invalid_argument, fmt::format("'{}' is not a namespace", given.space));
     } catch (const ise::error& why) {
         complain(why.what());
+        return 2;
+    }
+    if (!given.mail_to.empty() && (given.mail_server.empty() || given.mail_from.empty())) {
+        complain("--alarm-mail also needs --smtp and --mail-from");
         return 2;
     }
     if (!given.size.empty() && !size_of(given.size)) {

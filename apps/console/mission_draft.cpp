@@ -88,6 +88,14 @@ void mission_draft::restore(std::vector<waypoint> points) {
     touched();
 }
 
+void mission_draft::replace(std::vector<waypoint> points) {
+    remember();
+    if (points.size() > most) points.resize(most);
+    points_ = std::move(points);
+    selected_ = -1;
+    touched();
+}
+
 void mission_draft::take_over(const std::vector<waypoint>& on_boat) {
     if (points_ != on_boat) remember();
     points_ = on_boat;

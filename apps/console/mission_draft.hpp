@@ -34,6 +34,8 @@ public:
     void follow(const std::vector<waypoint>& on_boat);
     /// The edited list from before a restart of the console.
     void restore(std::vector<waypoint> points);
+    /// Another list: one step to undo.
+    void replace(std::vector<waypoint> points);
     /// Discards the edits.
     void take_over(const std::vector<waypoint>& on_boat);
 

@@ -1,6 +1,7 @@
 #include "mission_panel.hpp"
 
 #include "chart_view.hpp"
+#include "hold_button.hpp"
 #include "theme.hpp"
 
 #include <components/gui_client/freshness.hpp>
@@ -13,6 +14,8 @@
 #include <QPushButton>
 #include <QTableWidget>
 
+#include <initializer_list>
+
 namespace atirma::console {
 
 mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QWidget* parent)
@@ -22,7 +25,7 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     column->setSpacing(5);
     state_ = rich_label(this);
     state_->setObjectName("mission_state");
-    state_->setWordWrap(true);
+    state_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Fixed); // one line, whatever it says
     column->addWidget(state_);
     table_ = new QTableWidget(0, 4, this);
     table_->setObjectName("mission_table");
@@ -40,20 +43,23 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     column->addWidget(table_, 1);
     auto* rows = new QGridLayout;
     rows->setSpacing(4);
-    edit_ = button("edit", tr("Edit on chart"),
-                   tr("Click on the chart adds, drag moves, right click or Del removes (Ctrl+E)"));
+    new_ = button("new_list", tr("New"), tr("Begins a new list: click its waypoints on the chart (Ctrl+Shift+E)"));
+    edit_ = button("edit", tr("Edit"), tr("Click on the chart adds, drag moves, right click or Del removes (Ctrl+E)"));
     edit_->setCheckable(true);
     remove_ = button("remove", tr("Delete"), tr("Removes the selected waypoint"));
     up_ = button("up", "↑", tr("Earlier in the list"));
     down_ = button("down", "↓", tr("Later in the list"));
     undo_ = button("undo", tr("Undo"), tr("Reverts the last change (Ctrl+Z)"));
-    upload_ = button("upload", tr("Upload…"), tr("Sends this list to the boat, reads it back and compares (Ctrl+U)"));
+    upload_ = new hold_button(tr("Hold to upload"), this);
+    upload_->setObjectName("upload");
+    upload_->setToolTip(tr("Held for a second, sends this list to the boat, reads it back and compares (Ctrl+U asks)"));
     upload_->setProperty("role", "primary");
     auto* read = button("read_back", tr("Read back"), tr("Requests the boat's list (Ctrl+B)"));
     take_over_ = button("take_over", tr("As on boat"), tr("Discards the edits"));
     go_ = button("go", tr("Sail to"), tr("The boat sails to the selected waypoint of its own list"));
     cancel_ = button("cancel_upload", tr("Stop"), tr("Stops the upload after the telecommand in transit"));
-    rows->addWidget(edit_, 0, 0, 1, 2);
+    rows->addWidget(new_, 0, 0);
+    rows->addWidget(edit_, 0, 1);
     rows->addWidget(remove_, 0, 2);
     rows->addWidget(up_, 0, 3);
     rows->addWidget(down_, 0, 4);
@@ -71,9 +77,12 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     progress_text_ = rich_label(this);
     progress_text_->setObjectName("upload_state");
     progress_text_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
-    line->addWidget(progress_);
-    line->addWidget(progress_text_, 1);
-    line->addWidget(cancel_);
+    for (QWidget* each : std::initializer_list<QWidget*>{progress_, progress_text_, cancel_}) {
+        auto kept = each->sizePolicy();
+        kept.setRetainSizeWhenHidden(true); // the buttons above stay where they are
+        each->setSizePolicy(kept);
+        line->addWidget(each, each == progress_text_ ? 1 : 0);
+    }
     column->addLayout(line);
     connect(&draft_, &mission_draft::changed, this, &mission_panel::fill);
     connect(table_, &QTableWidget::cellChanged, this, &mission_panel::cell_edited);
@@ -86,8 +95,10 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     connect(up_, &QPushButton::clicked, this, [this, chosen] { draft_.swap(chosen(), chosen() - 1); });
     connect(down_, &QPushButton::clicked, this, [this, chosen] { draft_.swap(chosen(), chosen() + 1); });
     connect(undo_, &QPushButton::clicked, &draft_, &mission_draft::undo);
-    connect(upload_, &QPushButton::clicked, this,
-            [this] { actions_.upload(draft_.points(), seen_ ? seen_->mission.points : std::vector<waypoint>()); });
+    connect(upload_, &QPushButton::clicked, this, [this] {
+        actions_.upload(draft_.points(), seen_ ? seen_->mission.points : std::vector<waypoint>(), true);
+    });
+    connect(new_, &QPushButton::clicked, this, &mission_panel::begin_new);
     connect(read, &QPushButton::clicked, this, [this] { actions_.give(commands::waypoint_read_back()); });
     connect(cancel_, &QPushButton::clicked, this, [this] { actions_.act(cancel_upload()); });
     connect(take_over_, &QPushButton::clicked, this, [this] {
@@ -105,6 +116,12 @@ QPushButton* mission_panel::button(const QString& name, const QString& label, co
     if (label.size() == 1) made->setAccessibleName(tip); // an arrow
     made->setMinimumWidth(30);
     return made;
+}
+
+void mission_panel::begin_new() {
+    draft_.clear();
+    set_editing(true);
+    Q_EMIT edit_wanted(true);
 }
 
 void mission_panel::set_editing(bool on) {
@@ -171,14 +188,14 @@ void mission_panel::fill_state() {
         return QStringLiteral("<span style='color:%1'>●</span> ").arg(colour.name());
     };
     bool known = seen_ && seen_->mission.complete;
-    QString words;
+    QString words, told;
     if (!known) {
         words = dot(t.ink3) + tr("The boat's list is not known yet");
     } else {
         auto age = text(age_text(age_s(now_, *seen_->mission.told_at)));
-        auto told = tr("the boat reported its list of %1: %2")
-                        .arg(seen_->mission.points.size())
-                        .arg(age == "now" ? age : tr("%1 ago").arg(age));
+        told = tr("the boat reported its list of %1: %2")
+                   .arg(seen_->mission.points.size())
+                   .arg(age == "now" ? age : tr("%1 ago").arg(age));
         bool equal = same(seen_->mission.points, draft_.points());
         words = equal
                     ? dot(t.good) + tr("As on the boat")
@@ -187,6 +204,7 @@ void mission_panel::fill_state() {
         words += QStringLiteral(" <span style='color:%1'>· %2</span>").arg(t.ink3.name(), told);
     }
     state_->setText(words);
+    state_->setToolTip(told);
     int chosen = draft_.selected(), many = static_cast<int>(draft_.points().size());
     bool runs = seen_ && is_running(seen_->upload.phase);
     remove_->setEnabled(chosen >= 0 && chosen < many);
@@ -215,6 +233,9 @@ void mission_panel::cell_edited(int row, int column) {
     bool good = false;
     double value = QLocale::c().toDouble(table_->item(row, column)->text().trimmed(), &good);
     if (!good || std::abs(value) > (column == 0 ? 90 : 180)) {
+        auto typed = table_->item(row, column)->text().trimmed();
+        Q_EMIT actions_.said(column == 0 ? tr("Not changed: a latitude is -90 to 90 degrees, not “%1”").arg(typed)
+                                         : tr("Not changed: a longitude is -180 to 180 degrees, not “%1”").arg(typed));
         fill(); // as it was
         return;
     }

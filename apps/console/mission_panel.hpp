@@ -23,6 +23,8 @@ public:
     void show_snapshot(std::shared_ptr<const snapshot> seen, utc_time now);
     void set_editing(bool on);
     void forget() { fill(); } ///< the colours have changed
+    /// An empty list, edited on the chart.
+    void begin_new();
 
 Q_SIGNALS:
     void edit_wanted(bool on);
@@ -41,7 +43,7 @@ private:
     QLabel *state_, *progress_text_;
     QProgressBar* progress_;
     QTableWidget* table_;
-    QPushButton *edit_, *upload_, *cancel_, *take_over_, *undo_, *remove_, *up_, *down_, *go_;
+    QPushButton *edit_, *upload_, *cancel_, *take_over_, *undo_, *remove_, *up_, *down_, *go_, *new_;
 };
 
 } // namespace atirma::console

@@ -32,7 +32,7 @@ packet_list::packet_list(QWidget* parent) : QWidget(parent) {
     fixed.setPixelSize(10);
     fixed.setStyleHint(QFont::Monospace);
     details_->setFont(fixed);
-    details_->setStyleSheet("font-family: 'DejaVu Sans Mono', monospace; font-size: 10px;");
+    details_->setStyleSheet("font-family: 'DejaVu Sans Mono', monospace; font-size: 14px;");
     auto* split = new QSplitter(Qt::Vertical, this);
     split->addWidget(table_);
     split->addWidget(details_);

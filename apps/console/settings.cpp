@@ -81,6 +81,7 @@ console_memory settings_file::load(QString& trouble) const {
         return made;
     }
     if (from.contains("look/night")) made.night = from.value("look/night").toBool();
+    made.red = from.value("look/red").toBool();
     read_choice(from, "units/speed", made.shown.speed, speeds);
     read_choice(from, "units/distance", made.shown.distance, distances);
     read_choice(from, "units/place", made.shown.place, places);
@@ -111,6 +112,7 @@ QString settings_file::save(const console_memory& memory) {
     QSettings to(path_, QSettings::IniFormat);
     to.setValue("version", format_version);
     if (memory.night) to.setValue("look/night", *memory.night);
+    to.setValue("look/red", memory.red);
     to.setValue("units/speed", name_in(speeds, memory.shown.speed));
     to.setValue("units/distance", name_in(distances, memory.shown.distance));
     to.setValue("units/place", name_in(places, memory.shown.place));

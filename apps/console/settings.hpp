@@ -14,6 +14,7 @@ namespace atirma::console {
 /// The settings of the console. Data of the boat are not among them: they are requested again.
 struct console_memory {
     std::optional<bool> night;
+    bool red = false; ///< red night colours
     units shown;
     alarm_limits limits;
     std::vector<acknowledged_alarm> acknowledged;

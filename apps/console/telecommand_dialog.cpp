@@ -1,5 +1,6 @@
 #include "telecommand_dialog.hpp"
 
+#include "number_box.hpp"
 #include "theme.hpp"
 
 #include <components/gui_client/words.hpp>
@@ -7,7 +8,6 @@
 #include <QCheckBox>
 #include <QComboBox>
 #include <QDialogButtonBox>
-#include <QDoubleSpinBox>
 #include <QFormLayout>
 #include <QLabel>
 #include <QPushButton>
@@ -72,28 +72,31 @@ void telecommand_dialog::add_editor(const QString& name, T& value) {
         // Places in a list are shown starting with 1.
         double first =
             traits_of(command_.kind()).words.find((name + "+1").toStdString()) == std::string_view::npos ? 0 : 1;
-        auto* box = add(new QDoubleSpinBox(this));
+        auto* box = add(new number_box(whole ? static_cast<double>(std::numeric_limits<T>::min()) + first : -1e9,
+                                       whole ? static_cast<double>(std::numeric_limits<T>::max()) + first : 1e9, this));
         box->setDecimals(whole ? 0 : 3);
-        box->setRange(whole ? static_cast<double>(std::numeric_limits<T>::min()) + first : -1e9,
-                      whole ? static_cast<double>(std::numeric_limits<T>::max()) + first : 1e9);
         box->setValue(static_cast<double>(value) + first);
-        connect(box, &QDoubleSpinBox::valueChanged, this, [this, first, &value](double now) {
-            value = static_cast<T>(now - first);
+        connect(box, &QDoubleSpinBox::valueChanged, this, [this, box, first, &value](double now) {
+            if (box->good()) value = static_cast<T>(now - first); // else `check_command` says what is wrong
             check_command();
         });
+        numbers_.emplace_back(shown, box);
     }
 }
 
 void telecommand_dialog::add_editor(const QString& name, waypoint& value) {
     auto add = [&](const QString& part, double limit, double& degrees) {
-        auto* box = new QDoubleSpinBox(this);
+        auto* box = new number_box(-limit, limit, this);
         box->setObjectName("argument_" + name + "_" + part);
         box->setDecimals(7);
-        box->setRange(-limit, limit);
         box->setSuffix("°");
         box->setValue(degrees);
-        connect(box, &QDoubleSpinBox::valueChanged, this, [&degrees](double now) { degrees = now; });
+        connect(box, &QDoubleSpinBox::valueChanged, this, [this, box, &degrees](double now) {
+            if (box->good()) degrees = now;
+            check_command();
+        });
         form_->addRow(part, box);
+        numbers_.emplace_back(part, box);
     };
     add(tr("latitude"), 90, value.latitude_deg);
     add(tr("longitude"), 180, value.longitude_deg);
@@ -101,9 +104,12 @@ void telecommand_dialog::add_editor(const QString& name, waypoint& value) {
 
 void telecommand_dialog::check_command() {
     auto good = atirma::check(command_);
-    trouble_->setText(good ? QString() : text(good.error().message()));
-    trouble_->setVisible(!good);
-    accept_->setEnabled(static_cast<bool>(good));
+    auto trouble = good ? QString() : text(good.error().message());
+    for (const auto& [name, box] : numbers_)
+        if (!box->good()) trouble = QStringLiteral("%1: %2").arg(name, box->trouble());
+    trouble_->setText(trouble);
+    trouble_->setVisible(!trouble.isEmpty());
+    accept_->setEnabled(trouble.isEmpty());
 }
 
 } // namespace atirma::console

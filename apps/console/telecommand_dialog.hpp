@@ -4,12 +4,16 @@
 #include <QDialog>
 
 #include <functional>
+#include <utility>
+#include <vector>
 
 class QFormLayout;
 class QLabel;
 class QPushButton;
 
 namespace atirma::console {
+
+class number_box;
 
 /// The arguments of any telecommand: a row for each field of its struct. Values that the boat would refuse cannot be
 /// accepted.
@@ -29,6 +33,7 @@ private:
 
     boat_command command_;
     QFormLayout* form_;
+    std::vector<std::pair<QString, number_box*>> numbers_;
     QLabel* trouble_;
     QPushButton* accept_;
 };

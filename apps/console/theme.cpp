@@ -9,6 +9,8 @@
 #include <QStyleFactory>
 #include <QWidget>
 
+#include <algorithm>
+
 namespace atirma::console {
 namespace {
 
@@ -49,6 +51,34 @@ theme make_night() {
     return t;
 }
 
+theme make_red() {
+    theme t;
+    t.dark = true;
+    t.page = QColor("#060000"), t.card = QColor("#0d0000"), t.field = QColor("#090000"), t.ink = QColor("#ff6a5c"),
+    t.ink2 = QColor("#ff4436"), t.ink3 = QColor("#f61a10"), t.line = QColor("#3a0500");
+    t.accent = QColor("#ff7a5e"), t.good = QColor("#ff5a3c"), t.warn = QColor("#ff9478"),
+    t.warn_back = QColor("#2a0800"), t.bad = QColor("#ffa58e"), t.bad_back = QColor("#4a0600"),
+    t.notice_back = QColor("#200300");
+    t.sea = QColor("#080000"), t.shore1 = QColor("#140100"), t.shore2 = QColor("#100100"), t.shore3 = QColor("#0c0000"),
+    t.land = QColor("#1e0300"), t.coast = QColor("#9c2012"), t.place = QColor("#ff4a38"),
+    t.sea_text = QColor("#ff3426"), t.graticule = QColor("#3c0600");
+    t.route = QColor("#e0402e"), t.leg = QColor("#ff8a6a"), t.draft = QColor("#ffb09a"), t.no_go = QColor("#4a0a04"),
+    t.true_wind = QColor("#ff8066"), t.apparent_wind = QColor("#ff5040"), t.hull = QColor("#ff5a40"),
+    t.deck = QColor("#3a0c04");
+    t.links[0] = QColor("#ff5646"), t.links[1] = QColor("#ffa28a"), t.links[2] = QColor("#d42014");
+    t.link_other = QColor("#f61a10");
+    return t;
+}
+
+theme make(palette which) {
+    switch (which) {
+        case palette::night: return make_night();
+        case palette::red: return make_red();
+        case palette::day: break;
+    }
+    return make_day();
+}
+
 theme& current() {
     static theme used = make_day();
     return used;
@@ -66,13 +96,13 @@ QLabel { background: transparent; }
 QLabel[role="small"] { color: %6; }
 QLabel[role="head"] { color: %5; font-weight: 600; }
 QMenuBar { background: %3; border-bottom: 1px solid %4; padding: 1px 4px; }
-QMenuBar::item { padding: 3px 9px; border-radius: 5px; background: transparent; }
+QMenuBar::item { padding: 9px 7px; border-radius: 5px; background: transparent; }
 QMenuBar::item:selected, QMenu::item:selected { background: %7; color: %3; }
 QMenu { background: %3; border: 1px solid %4; padding: 4px; }
 QMenu::item { padding: 5px 26px 5px 22px; border-radius: 5px; }
 QMenu::item:disabled { color: %6; }
 QMenu::separator { height: 1px; background: %4; margin: 4px 8px; }
-QPushButton, QToolButton { background: %8; border: 1px solid %4; border-radius: 7px; padding: 5px 11px; min-height: 18px; }
+QPushButton, QToolButton { background: %8; border: 1px solid %4; border-radius: 7px; padding: 5px 9px; min-height: 18px; }
 QPushButton:hover, QToolButton:hover { border-color: %7; }
 QPushButton:pressed, QToolButton:pressed { background: %4; }
 QPushButton:checked, QToolButton:checked { background: %7; border-color: %7; color: %3; }
@@ -80,16 +110,18 @@ QPushButton:disabled, QToolButton:disabled { color: %6; background: transparent;
 QPushButton[role="primary"] { background: %7; color: %3; border-color: %7; font-weight: 600; }
 QPushButton[role="primary"]:disabled { background: %4; color: %6; border-color: %4; }
 QPushButton[role="danger"] { color: %9; }
-QPushButton:focus, QToolButton:focus { border: 2px solid %7; padding: 4px 10px; }
+QPushButton:focus, QToolButton:focus { border: 2px solid %7; padding: 4px 8px; }
 QPushButton:checked:focus, QToolButton:checked:focus, QPushButton[role="primary"]:focus { border-color: %1; }
 QComboBox, QLineEdit, QDoubleSpinBox { background: %8; border: 1px solid %4; border-radius: 7px; padding: 3px 8px; min-height: 20px; selection-background-color: %7; selection-color: %3; }
 QComboBox:focus, QLineEdit:focus, QDoubleSpinBox:focus { border: 2px solid %7; padding: 2px 7px; }
+QDoubleSpinBox[state="changed"] { border: 2px solid %7; padding: 2px 7px; font-weight: 600; }
+QDoubleSpinBox[state="bad"] { border: 2px solid %9; padding: 2px 7px; color: %9; }
 QComboBox::drop-down { border: 0; width: 22px; }
 QComboBox::down-arrow { image: none; }
 QComboBox QAbstractItemView { background: %3; border: 1px solid %4; selection-background-color: %7; selection-color: %3; }
 QTabWidget::pane { border: 0; top: 4px; }
 QTabBar { background: transparent; }
-QTabBar::tab { background: transparent; color: %5; padding: 5px 6px; margin-right: 1px; border: 1px solid transparent; border-radius: 7px; font-size: 12px; }
+QTabBar::tab { background: transparent; color: %5; padding: 5px 5px; margin-right: 1px; border: 1px solid transparent; border-radius: 7px; font-size: 14px; }
 QTabBar::tab:selected { background: %3; color: %1; font-weight: 600; border: 1px solid %4; }
 QTabBar::tab:hover:!selected { color: %7; }
 QTabBar::tab:selected:focus { border: 2px solid %7; padding: 4px 5px; }
@@ -117,8 +149,8 @@ QToolTip { background: %1; color: %3; border: 0; padding: 4px 7px; }
 const QColor& theme::of(freshness how) const {
     switch (how) {
         case freshness::fresh: return good;
-        case freshness::ageing: return warn;
-        case freshness::stale: return bad;
+        case freshness::ageing:
+        case freshness::stale: return warn; // red is for alarms
         case freshness::none: break;
     }
     return ink3;
@@ -158,8 +190,8 @@ void show_texts_plainly() {
     qApp->installEventFilter(filter);
 }
 
-void use_theme(bool dark) {
-    current() = dark ? make_night() : make_day();
+void use_theme(palette which) {
+    current() = make(which);
     const auto& t = current();
     QPalette palette;
     palette.setColor(QPalette::Window, t.page);
@@ -176,7 +208,7 @@ void use_theme(bool dark) {
     palette.setColor(QPalette::ToolTipText, t.card);
     QApplication::setStyle(QStyleFactory::create("Fusion"));
     QApplication::setPalette(palette);
-    QApplication::setFont(font_of(13));
+    QApplication::setFont(font_of(smallest_text));
     qApp->setStyleSheet(style_sheet(t));
     for (auto* each : QApplication::allWidgets()) each->update();
 }
@@ -189,7 +221,7 @@ QFont font_of(int pixels, QFont::Weight weight) {
         return QApplication::font().family();
     }();
     QFont made(family);
-    made.setPixelSize(pixels);
+    made.setPixelSize(std::max(pixels, smallest_text));
     made.setWeight(weight);
     made.setStyleStrategy(QFont::PreferAntialias);
     return made;

@@ -10,7 +10,9 @@ class QWidget;
 
 namespace atirma::console {
 
-/// A palette: one for daylight, one for the night.
+/// For daylight, for the night, and of red light only, which leaves the eyes used to the dark.
+enum class palette : std::uint8_t { day, night, red };
+
 struct theme {
     bool dark = false;
     QColor page, card, field, ink, ink2, ink3, line;
@@ -32,9 +34,11 @@ struct theme {
 /// The present one. Windows only, on their thread.
 const theme& colours();
 /// Changes it, and the look of all widgets.
-void use_theme(bool dark);
+void use_theme(palette which);
 
-/// The font of a size in pixels; figures have one width.
+/// No text is smaller, in pixels.
+inline constexpr int smallest_text = 14;
+/// The font of a size in pixels, at least `smallest_text`.
 QFont font_of(int pixels, QFont::Weight weight = QFont::Normal);
 QString text(const std::string& utf8);
 

@@ -87,15 +87,14 @@ void wind_dial::paint_ring(QPainter& to, double radius) const {
         to.setPen(QPen(main ? t.ink2 : t.ink3, main ? 1.6 : 1));
         to.drawLine(QPointF(0, -radius - 2), QPointF(0, -radius + (main ? 6 : 3)));
         to.restore();
-        if (!main) continue;
+        bool named = mark % 90 == 0;
+        if (!named) continue;
         double angle = (mark - heading) * std::numbers::pi / 180;
         QPointF at(std::sin(angle) * (radius + 7.5), -std::cos(angle) * (radius + 7.5));
         static const char* const winds[4] = {"N", "E", "S", "W"};
-        bool named = mark % 90 == 0;
-        to.setFont(font_of(named ? 11 : 8, named ? QFont::Bold : QFont::Normal));
-        to.setPen(named ? t.ink : t.ink3);
-        to.drawText(QRectF(at.x() - 12, at.y() - 8, 24, 16), Qt::AlignCenter,
-                    named ? QString(winds[mark / 90]) : QString::number(mark / 10));
+        to.setFont(font_of(smallest_text, QFont::Bold));
+        to.setPen(t.ink);
+        to.drawText(QRectF(at.x() - 12, at.y() - 9, 24, 18), Qt::AlignCenter, QString(winds[mark / 90]));
     }
     to.setPen(Qt::NoPen);
     to.setBrush(t.ink);

@@ -36,10 +36,12 @@ inline const std::vector<waypoint> course{{28.1530, -15.4480}, {28.1600, -15.452
 
 /// A console whose actions are kept, with a boat that has told everything.
 struct desk {
-    explicit desk(bool with_boat = true, QSize size = {1280, 800}, const QString& settings = {}) {
+    explicit desk(bool with_boat = true, QSize size = {1280, 800}, const QString& settings = {},
+                  const QString& player = "none") {
         start_qt();
         window_options look;
         look.settings = settings;
+        look.alarm_player = player;
         look.clock = [this] { return now; };
         window = std::make_unique<console_window>(
             [this](action what) {

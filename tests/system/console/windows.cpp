@@ -78,7 +78,7 @@ TEST_CASE("console windows: what is dangerous asks first, and Enter does no harm
         it.find(name).click();
         CHECK(it.actions.empty());
         CHECK(it.asked.contains("Tell the boat"));
-        it.answer_next("Send it");
+        it.answer_next("Hold to send");
         it.find(name).click();
         CHECK(it.last<give_command>());
         it.actions.clear();
@@ -115,12 +115,17 @@ TEST_CASE("console windows: waypoints are edited by mouse, taken back, and uploa
     // A snapshot never overwrites what is edited.
     it.show();
     CHECK(draft.points().size() == 4);
+    auto key = [&](const char* name) {
+        for (auto* each : it.window->findChildren<QAction*>())
+            if (each->shortcut() == QKeySequence(name)) each->trigger();
+    };
     it.answer_next("Cancel");
-    it.find("upload").click();
+    key("Ctrl+U");
     CHECK(it.actions.empty());
-    it.answer_next("Send it");
-    it.find("upload").click();
+    it.answer_next("Hold to send");
+    key("Ctrl+U");
     REQUIRE(it.last<upload_mission>());
+    CHECK_FALSE(it.last<upload_mission>()->over_limits);
     CHECK(it.last<upload_mission>()->points == draft.points());
     it.click(chart.projection().to_pixels(draft.points()[0]), Qt::RightButton);
     CHECK(draft.points().size() == 3);

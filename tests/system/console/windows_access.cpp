@@ -127,12 +127,13 @@ TEST_CASE("console windows: every key of the menus is told by Shift+F1") {
     CHECK(keys > 30);
 }
 
-TEST_CASE("console windows: words can be read in both palettes") {
+TEST_CASE("console windows: words can be read in all palettes") {
     desk it;
-    for (bool night : {false, true}) {
-        it.window->set_night(night);
+    for (const char* name : {"day", "night", "red"}) {
+        it.window->set_night(name == std::string("night"));
+        it.window->set_red(name == std::string("red"));
         const auto& t = colours();
-        INFO((night ? "night" : "day"));
+        INFO(name);
         for (const auto& back : {t.card, t.field, t.page})
             for (const auto& ink : {t.ink, t.ink2, t.ink3, t.accent, t.good, t.warn, t.bad}) {
                 INFO(ink.name().toStdString() << " on " << back.name().toStdString());
@@ -145,7 +146,11 @@ TEST_CASE("console windows: words can be read in both palettes") {
         CHECK(contrast(t.place, t.land) >= 4.5);
         for (const auto& link : t.links) CHECK(contrast(link, t.sea) >= 3); // a line
     }
-    it.window->set_night(false);
+    for (const auto& ink : {colours().ink, colours().accent, colours().good, colours().warn, colours().bad,
+                            colours().page, colours().sea, colours().land, colours().leg})
+        CHECK(ink.blue() <= ink.red() * 2 / 3); // the last one is the red palette: it leaves the eyes used to the dark
+    it.picture("red");
+    it.window->set_red(false);
 }
 
 TEST_CASE("console windows: each link tells what only its kind has, and what is old says so") {

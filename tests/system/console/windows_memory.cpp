@@ -236,7 +236,7 @@ TEST_CASE("console windows: the holder of the authority is shown, and a command 
     it.picture("nobody-commands");
 
     in_command(it, "atirma/console/ben");
-    CHECK(button.text() == "ben has the authority");
+    CHECK(button.text() == "ben has authority");
     it.actions.clear();
     it.answer_next("");
     it.find("do_tack").click(); // Enter does no harm
@@ -247,12 +247,12 @@ TEST_CASE("console windows: the holder of the authority is shown, and a command 
     CHECK(it.last<change_authority>()->request.action == authority_action::ask);
     auto* force = entry(*button.menu(), "Take it from");
     REQUIRE(force);
-    it.answer_next("Send it");
+    it.answer_next("Hold to send");
     force->trigger();
     CHECK(it.last<change_authority>()->request.confirmed);
 
     in_command(it, "atirma/console/anna", {"atirma/console/ben"});
-    CHECK(button.text().contains("ben requests"));
+    CHECK(button.text() == "ben asks for it");
     auto* hand = entry(*button.menu(), "Hand over to ben");
     REQUIRE(hand);
     hand->trigger();

@@ -1,4 +1,4 @@
-// Alarms by mail and web hook: the component on the virtual world, with fake sinks.
+// The component on the virtual world: alarms by mail and web hook, with fake sinks; and what it refuses to send.
 #include <components/gui_client/gui_client.hpp>
 #include <components/mail/memory_mail.hpp>
 
@@ -113,6 +113,35 @@ TEST_CASE("outlets: what cannot be sent is an alarm here, and goes once it can")
     it.world.run_for(10min);
     // Its own troubles were not sent: only the event and that it was over.
     CHECK(it.posts.size() <= posts + 1);
+}
+
+TEST_CASE("sender: what leads over land is refused with the reason, unless the operator overrides it") {
+    alarmed it;
+    waypoint la_isleta{28.1640, -15.4245};
+    auto last = [&] { return it.port->latest()->commands->back(); };
+    give_command add;
+    add.command = commands::waypoint_add{la_isleta};
+    REQUIRE(it.port->act(add));
+    it.world.run_for(2s);
+    CHECK(last().phase == command_phase::refused);
+    CHECK(last().text.find("on land; it takes an override") != std::string::npos);
+    add.over_limits = true;
+    REQUIRE(it.port->act(add));
+    it.world.run_for(2s);
+    CHECK(last().phase == command_phase::failed); // there is no link: it was not the land that stopped it
+    auto commands = it.port->latest()->commands->size();
+    upload_mission list;
+    list.points = {{28.1530, -15.4480}, la_isleta};
+    REQUIRE(it.port->act(list));
+    it.world.run_for(2s);
+    CHECK(it.port->latest()->upload.phase == upload_phase::failed);
+    CHECK(it.port->latest()->upload.text.find("ends on land") != std::string::npos);
+    CHECK(it.port->latest()->commands->size() == commands);
+    sail_to there;
+    there.point = la_isleta;
+    REQUIRE(it.port->act(there));
+    it.world.run_for(2s);
+    CHECK(last().phase == command_phase::refused);
 }
 
 TEST_CASE("outlets: a hook that refuses is not asked again") {
