@@ -64,6 +64,10 @@ component_type boat_simulator_type() {
     set.add("gprs-memory", options->uplink.capacity, "capacity of its memory for unacknowledged packets").range(1, 1e6);
     set.add("memory", options->memory_file, "file with its state over a loss of power (SQLite); empty: no memory")
         .kind(parameter_kind::path);
+    set.add("clock-off", options->clock_off_s,
+            "error of the boat's clock, which is then not set by GPS; 0: GPS sets it")
+        .range(-86400, 86400)
+        .unit("s");
     set.add("boot", options->boot, "number of this boot; 0: random, or the last one plus one if it has a memory");
     type.provides(services::scene_control).provides(services::truth);
     type.makes<boat_simulator>(options);

@@ -4,10 +4,12 @@
 #include <QDialog>
 
 #include <functional>
+#include <optional>
 
 class QFormLayout;
 class QLabel;
 class QPushButton;
+class QSpinBox;
 
 namespace atirma::console {
 
@@ -17,8 +19,11 @@ class telecommand_dialog : public QDialog {
     Q_OBJECT
 public:
     /// Begins with the arguments that `preset` has.
-    explicit telecommand_dialog(const boat_command& preset, QWidget* parent = nullptr);
+    /// `usual`: the validity that it has unless it is changed, in words.
+    explicit telecommand_dialog(const boat_command& preset, const QString& usual = {}, QWidget* parent = nullptr);
     const boat_command& command() const noexcept { return command_; }
+    /// Nothing: the usual one.
+    std::optional<float> valid_s() const;
 
 private:
     // One editor for each type of argument; it writes to the argument.
@@ -31,6 +36,7 @@ private:
     QFormLayout* form_;
     QLabel* trouble_;
     QPushButton* accept_;
+    QSpinBox* valid_;
 };
 
 } // namespace atirma::console

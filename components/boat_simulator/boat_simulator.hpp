@@ -10,6 +10,7 @@
 
 #include <ise/component/component.hpp>
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -32,6 +33,10 @@ struct boat_simulator_options {
     double gprs_period_s = 5;    ///< of telemetry there, at the start; 0 is off
     /// File with its state over a loss of power (boat_memory.hpp): it then continues at its position. Empty: no memory.
     std::string memory_file;
+    /// Error of the boat's clock, which GPS does not set then; 0: GPS sets it, and it is right.
+    double clock_off_s = 0;
+    /// Called when a telecommand was executed, with its answer; for tests.
+    std::function<void(const acknowledgement&)> on_executed;
     ise::duration truth_period = std::chrono::milliseconds(500);
 };
 
@@ -61,6 +66,7 @@ private:
     void open_memory(simulator::boat_options& made);
     void remember();
     void kept(const ise::result<void>& outcome);
+    void tell_executed();
     void send();
     void ask_duty_cycle();
     void on_receipt(ise::bytes_view raw);
@@ -89,6 +95,7 @@ private:
     std::vector<ise::bytes> not_acknowledged_; // before the restart
     ise::time_point remember_at_{};
     std::uint64_t commands_kept_ = 0;
+    std::uint64_t executed_told_ = 0;
     std::uint32_t forgotten_ = 0; // of the uplink's numbers
     ise::time_point started_{};
     ise::time_point heard_at_{};

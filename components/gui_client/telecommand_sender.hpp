@@ -4,6 +4,7 @@
 #include <components/gui_client/operator_port.hpp>
 
 #include <optional>
+#include <set>
 #include <string>
 
 namespace atirma::console {
@@ -19,9 +20,13 @@ public:
     /// returns within two seconds then. Cancellation: terminal.
     ise::task<command_phase> execute(give_command what, const bool* stop = nullptr);
 
+    /// Calls one back: asks the node or proxy that has it, and does not ask for it any more. Cancellation: terminal.
+    ise::task<> call_back(std::uint32_t id);
+
 private:
     /// The component that gets it; sets `request.via` where the communication nodes choose the link.
     std::string route(const std::string& via, telecommand_request& request) const;
+    float default_valid_s(command_kind kind, const std::string& via) const;
     ise::task<command_phase> repeat(std::string to, telecommand_request request, ise::time_point expires,
                                     const bool* stop);
     command_phase settle(std::uint32_t id, command_phase phase, std::string text,
@@ -30,6 +35,7 @@ private:
     client_context& context_;
     authority_client& authority_;
     std::size_t open_ = 0; ///< not decided yet
+    std::set<std::uint32_t> called_back_;
 };
 
 } // namespace atirma::console
