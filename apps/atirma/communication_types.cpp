@@ -50,6 +50,7 @@ ise::component_type communication_node_type() {
         .provides(services::track)
         .provides(services::communication);
     type.provides(services::telecommand).provides(services::telecommand_state).provides(services::telecommand_record);
+    type.provides(services::telecommand_recall);
     type.provides(services::authority).provides(services::authority_changes).provides(services::replication);
     type.requires_(services::telemetry).requires_(services::telecommand).requires_(services::telecommand_state);
     type.requires_(services::telecommand_recall).requires_(services::replication);

@@ -67,6 +67,10 @@ component_type boat_simulator_type() {
     set.add("fence", options->fence_file, "GeoJSON file of the area that it does not leave; empty: none")
         .kind(parameter_kind::path);
     set.add("coast", options->keeps_off_coast, "turns back before the coast");
+    set.add("clock-off", options->clock_off_s,
+            "error of the boat's clock, which is then not set by GPS; 0: GPS sets it")
+        .range(-86400, 86400)
+        .unit("s");
     set.add("boot", options->boot, "number of this boot; 0: random, or the last one plus one if it has a memory");
     type.provides(services::scene_control).provides(services::truth);
     type.makes<boat_simulator>(options);

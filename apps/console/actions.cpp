@@ -83,14 +83,26 @@ bool operator_actions::act(action what) {
     return false;
 }
 
-bool operator_actions::give(boat_command command) {
+QString operator_actions::validity_text(command_kind kind, std::optional<float> valid_s) const {
+    auto seconds = [](double s) { return s >= 3600 ? tr("%1 h").arg(s / 3600) : tr("%1 s").arg(s); };
+    if (valid_s) return tr("valid for %1").arg(seconds(static_cast<double>(*valid_s)));
+    auto usual = [&](link_id link) { return seconds(static_cast<double>(default_validity(kind, link).count())); };
+    if (auto link = link_of_path(via_)) return tr("valid for %1").arg(usual(*link));
+    return tr("valid for %1, by Iridium %2").arg(usual(link_id::xbee), usual(link_id::iridium));
+}
+
+bool operator_actions::give(boat_command command, std::optional<float> valid_s) {
+    if (!valid_s) valid_s = valid_s_;
     auto what = text(describe(command));
-    if (auto why = danger(command); !why.empty() && !confirmed(tr("Tell the boat: %1?").arg(what), text(why)))
+    auto valid = validity_text(command.kind(), valid_s);
+    if (auto why = danger(command);
+        !why.empty() && !confirmed(tr("Tell the boat: %1?").arg(what), text(why) + "\n" + tr("It is %1.").arg(valid)))
         return false;
     auto trouble = trouble_of(command);
     if (!trouble.empty() && !overridden(what, trouble)) return false;
     give_command one;
     one.over_limits = !trouble.empty();
+    one.valid_s = valid_s;
     one.confirmed = !command.danger().empty(); // above
     if (traits_of(command.kind()).needs_authority) {
         auto take = authority_for(what);
@@ -100,7 +112,7 @@ bool operator_actions::give(boat_command command) {
     one.command = command;
     one.via = via_;
     if (!act(std::move(one))) return false;
-    Q_EMIT said(tr("Given: %1").arg(what));
+    Q_EMIT said(tr("Given: %1, %2").arg(what, valid));
     return true;
 }
 
@@ -111,9 +123,9 @@ bool operator_actions::upload(std::vector<waypoint> points, const std::vector<wa
     auto what = many == 0
                     ? tr("Clear the boat's list of waypoints?")
                     : tr("Upload %n waypoint(s) to the boat?", nullptr, many).replace("(s)", many == 1 ? "" : "s");
-    auto why = tr("This replaces the boat's present list of %1, one telecommand after the other. "
-                  "In Auto, the boat meanwhile sails the waypoints that have arrived.")
-                   .arg(on_boat.size());
+    auto why =
+        tr("This replaces the boat's present list of %1, which the boat keeps until the whole new one has arrived.")
+            .arg(on_boat.size());
     auto trouble = trouble_of(points);
     if (trouble.empty() ? !held && !confirmed(what, why) : !overridden(tr("the new list of waypoints"), trouble))
         return false;

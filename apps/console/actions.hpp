@@ -20,7 +20,8 @@ public:
 
     /// Sends it over the link that was chosen for commands. Returns false if the operator cancelled, or the component
     /// does not accept it.
-    bool give(boat_command command);
+    /// `valid_s`: its validity; nothing: the one that was chosen for all, else by kind and link.
+    bool give(boat_command command, std::optional<float> valid_s = std::nullopt);
     bool set_mode(sailing_mode mode);
     /// `held`: the operator has confirmed it by holding the button.
     bool upload(std::vector<waypoint> points, const std::vector<waypoint>& on_boat, bool held = false);
@@ -36,6 +37,10 @@ public:
     /// The path of a proxy; empty: the console chooses.
     void choose_link(std::string path) { via_ = std::move(path); }
     const std::string& link() const noexcept { return via_; }
+    /// For all telecommands from now on; nothing: by kind and link.
+    void choose_validity(std::optional<float> valid_s) { valid_s_ = valid_s; }
+    /// "valid for 60 s".
+    QString validity_text(command_kind kind, std::optional<float> valid_s) const;
 
 Q_SIGNALS:
     void said(const QString& text);
@@ -51,6 +56,7 @@ private:
 
     std::string via_;
     std::shared_ptr<const snapshot> seen_;
+    std::optional<float> valid_s_;
 };
 
 } // namespace atirma::console

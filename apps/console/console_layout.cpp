@@ -203,7 +203,7 @@ QWidget* console_window::make_side() {
     mission_ = new mission_panel(draft_, actions_, tabs_);
     links_ = new links_panel(actions_, tabs_);
     boat_ = new boat_panel(actions_, tabs_);
-    log_ = new command_list(tabs_);
+    log_ = new command_list([this](std::uint32_t id) { actions_.act(call_back_command{id}); }, tabs_);
     alarms_ = new alarm_list([this](const std::string& key) { actions_.act(acknowledge_alarm{key}); }, tabs_);
     packets_ = new packet_list(tabs_);
     present_ = new present_list(tabs_);

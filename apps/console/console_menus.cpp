@@ -97,8 +97,8 @@ void console_window::make_menus() {
         auto words = text(describe(C::traits.kind));
         constexpr bool has_arguments = ise::field_count < C >> 0;
         auto* made = add(all, has_arguments ? words + "…" : words, {}, [this, command = boat_command(preset)] {
-            telecommand_dialog dialog(command, this);
-            if (!has_arguments || dialog.exec() == QDialog::Accepted) actions_.give(dialog.command());
+            telecommand_dialog dialog(command, actions_.validity_text(C::traits.kind, std::nullopt), this);
+            if (!has_arguments || dialog.exec() == QDialog::Accepted) actions_.give(dialog.command(), dialog.valid_s());
         });
         made->setObjectName("telecommand_" + text(std::string(name_of(C::traits.kind))));
         made->setToolTip(text(std::string(C::traits.help)));

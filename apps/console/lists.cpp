@@ -22,9 +22,28 @@ QColor colour_of(command_phase phase) {
     return is_over(phase) ? t.bad : t.warn;
 }
 
+// What is said of it, from its second line on.
+QString details_of(const command_entry& of) {
+    QStringList all;
+    if (of.executed_at) all << QObject::tr("executed %1").arg(clock_of(*of.executed_at));
+    if (!of.text.empty()) all << text(of.text);
+    if (!of.called_back.empty() && of.called_back != of.text) all << text(of.called_back);
+    return all.isEmpty() ? QString() : "\n" + all.join(" · ");
+}
+
 } // namespace
 
-command_list::command_list(QWidget* parent) : QWidget(parent) {
+QString phase_text(const command_entry& of, utc_time now) {
+    auto words = text(std::string(name_of(of.phase)));
+    if (is_over(of.phase) || !of.valid_until) return words;
+    auto left = std::chrono::ceil<std::chrono::seconds>(*of.valid_until - now).count();
+    if (left <= 0) return words;
+    return left < 120 ? QObject::tr("%1, %2 s left").arg(words).arg(left)
+                      : QObject::tr("%1, %2 min left").arg(words).arg((left + 59) / 60);
+}
+
+command_list::command_list(std::function<void(std::uint32_t)> call_back, QWidget* parent)
+    : QWidget(parent), call_back_(std::move(call_back)) {
     table_ = make_table({tr("UTC"), tr("Command"), tr("State"), tr("By, link")}, "command_table", this);
     table_->setColumnWidth(0, 76);
     table_->setColumnWidth(2, 92);
@@ -40,11 +59,39 @@ command_list::command_list(QWidget* parent) : QWidget(parent) {
     auto* column = column_of(this);
     column->addWidget(table_, 1);
     column->addWidget(empty_, 1);
+    auto* line = new QHBoxLayout;
+    back_ = new QPushButton(tr("Call back"), this);
+    back_->setObjectName("call_back");
+    back_->setToolTip(tr("Stops the selected telecommand, if it has not left the shore yet"));
+    line->addStretch(1);
+    line->addWidget(back_);
+    column->addLayout(line);
+    connect(table_, &QTableWidget::itemSelectionChanged, this, &command_list::offer);
+    connect(back_, &QPushButton::clicked, this, [this] {
+        if (const auto* one = chosen()) call_back_(one->id);
+    });
+    offer();
 }
 
-void command_list::show_snapshot(const snapshot& seen, utc_time) {
-    if (shown_ == seen.commands) return;
+const command_entry* command_list::chosen() const {
+    auto row = table_->currentRow();
+    if (!shown_ || row < 0 || static_cast<std::size_t>(row) >= shown_->size()) return nullptr;
+    return &shown_->at(shown_->size() - 1 - static_cast<std::size_t>(row));
+}
+
+void command_list::offer() {
+    const auto* one = chosen();
+    back_->setEnabled(one && one->may_be_called_back());
+}
+
+void command_list::show_snapshot(const snapshot& seen, utc_time now) {
+    bool runs = counts_ && std::chrono::abs(now - shown_at_) >= std::chrono::seconds(1);
+    if (shown_ == seen.commands && !runs) return;
+    const auto* before = chosen();
+    auto chosen_id = before ? before->id : 0;
     shown_ = seen.commands;
+    shown_at_ = now;
+    counts_ = false;
     const auto& t = colours();
     table_->setVisible(!shown_->empty());
     empty_->setVisible(shown_->empty());
@@ -57,15 +104,20 @@ void command_list::show_snapshot(const snapshot& seen, utc_time) {
                        .arg(it->id)
                        .arg(clock_of(it->changed_at));
         set_cell(table_, row, 0, clock_of(it->asked_at), t.ink3, tip);
-        set_cell(table_, row, 1, text(it->text.empty() ? it->what : it->what + "\n" + it->text), t.ink);
-        set_cell(table_, row, 2, "● " + text(std::string(name_of(it->phase))), colour_of(it->phase), tip);
+        counts_ = counts_ || (!is_over(it->phase) && it->valid_until);
+        if (it->valid_until) tip += tr("\nvalid until %1").arg(clock_of(*it->valid_until));
+        if (it->executed_at) tip += tr("\nexecuted at %1").arg(clock_of(*it->executed_at));
+        set_cell(table_, row, 1, text(it->what) + details_of(*it), t.ink);
+        set_cell(table_, row, 2, "● " + phase_text(*it, now), colour_of(it->phase), tip);
         auto who = it->asked_by.empty() ? tr("other") : text(operator_label(it->asked_by));
         auto by = it->own ? tr("here") : who;
         if (it->link) by += "\n" + text(label(*it->link));
         set_cell(table_, row, 3, by, it->own ? t.ink2 : t.accent,
                  (it->own ? tr("sent from this console") : tr("sent by: %1").arg(text(it->asked_by))) + "\n" +
                      text(it->path));
+        if (it->id == chosen_id) table_->setCurrentCell(row, 0);
     }
+    offer();
 }
 
 present_list::present_list(QWidget* parent) : QWidget(parent) {

@@ -17,15 +17,25 @@ namespace atirma::console {
 class command_list : public QWidget {
     Q_OBJECT
 public:
-    explicit command_list(QWidget* parent = nullptr);
+    explicit command_list(std::function<void(std::uint32_t id)> call_back, QWidget* parent = nullptr);
     void show_snapshot(const snapshot& seen, utc_time now);
     void forget() { shown_.reset(); } ///< the colours have changed
 
 private:
+    const command_entry* chosen() const;
+    void offer();
+
     QTableWidget* table_;
     QLabel* empty_;
+    QPushButton* back_;
+    std::function<void(std::uint32_t)> call_back_;
     std::shared_ptr<const std::vector<command_entry>> shown_;
+    bool counts_ = false; ///< one of them is open: its time runs down
+    utc_time shown_at_{};
 };
+
+/// "queued, 42 s left".
+QString phase_text(const command_entry& of, utc_time now);
 
 /// The received packets, decoded field by field and byte by byte.
 class packet_list : public QWidget {

@@ -11,13 +11,15 @@
 #include <QFormLayout>
 #include <QLabel>
 #include <QPushButton>
+#include <QSpinBox>
 
 #include <limits>
 
 namespace atirma::console {
 
-telecommand_dialog::telecommand_dialog(const boat_command& preset, QWidget* parent)
-    : QDialog(parent), command_(preset), form_(new QFormLayout), trouble_(new QLabel(this)) {
+telecommand_dialog::telecommand_dialog(const boat_command& preset, const QString& usual, QWidget* parent)
+    : QDialog(parent), command_(preset), form_(new QFormLayout), trouble_(new QLabel(this)),
+      valid_(new QSpinBox(this)) {
     setObjectName("telecommand");
     setWindowTitle(text(describe(preset.kind())));
     auto* column = new QVBoxLayout(this);
@@ -39,7 +41,18 @@ telecommand_dialog::telecommand_dialog(const boat_command& preset, QWidget* pare
     column->addWidget(buttons);
     command_.for_each_argument(
         [this](std::string_view name, auto& value) { add_editor(text(std::string(name)), value); });
+    valid_->setObjectName("telecommand_valid");
+    valid_->setRange(0, 86400);
+    valid_->setSuffix(tr(" s"));
+    valid_->setSpecialValueText(usual.isEmpty() ? tr("usual") : usual);
+    valid_->setToolTip(tr("The boat executes it within this time, or never"));
+    form_->addRow(tr("validity"), valid_);
     check_command();
+}
+
+std::optional<float> telecommand_dialog::valid_s() const {
+    if (valid_->value() == 0) return std::nullopt;
+    return static_cast<float>(valid_->value());
 }
 
 template <class T>

@@ -4,12 +4,14 @@
 #include <QDialog>
 
 #include <functional>
+#include <optional>
 #include <utility>
 #include <vector>
 
 class QFormLayout;
 class QLabel;
 class QPushButton;
+class QSpinBox;
 
 namespace atirma::console {
 
@@ -21,8 +23,11 @@ class telecommand_dialog : public QDialog {
     Q_OBJECT
 public:
     /// Begins with the arguments that `preset` has.
-    explicit telecommand_dialog(const boat_command& preset, QWidget* parent = nullptr);
+    /// `usual`: the validity that it has unless it is changed, in words.
+    explicit telecommand_dialog(const boat_command& preset, const QString& usual = {}, QWidget* parent = nullptr);
     const boat_command& command() const noexcept { return command_; }
+    /// Nothing: the usual one.
+    std::optional<float> valid_s() const;
 
 private:
     // One editor for each type of argument; it writes to the argument.
@@ -36,6 +41,7 @@ private:
     std::vector<std::pair<QString, number_box*>> numbers_;
     QLabel* trouble_;
     QPushButton* accept_;
+    QSpinBox* valid_;
 };
 
 } // namespace atirma::console

@@ -18,6 +18,17 @@ console_view view_of(const std::string& name, const console::operator_port& at) 
     return made;
 }
 
+std::vector<executed_command> late_executions(const account& of) {
+    // The model of the boat moves in steps of 0.1 s, and its console's component in ticks.
+    constexpr ise::duration step = std::chrono::milliseconds(500);
+    std::vector<executed_command> late;
+    for (const auto& one : of.executed)
+        for (const auto& who : of.people)
+            for (const auto& given : who.commands)
+                if (given.request.id == one.id && one.at > given.valid_until + step) late.push_back(one);
+    return late;
+}
+
 std::set<packet_key> keys_on(database& disk) {
     auto rows = disk.query("SELECT boot, sequence FROM packets");
     std::set<packet_key> made;

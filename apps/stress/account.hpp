@@ -33,6 +33,13 @@ struct sample {
     bool settled() const noexcept { return whole && xbee_waiting < 256; }
 };
 
+/// A telecommand that the boat executed.
+struct executed_command {
+    std::uint32_t id = 0;
+    command_kind kind = command_kind::ping;
+    ise::duration at{};
+};
+
 struct shown_page {
     std::uint64_t received = 0, duplicates = 0, malformed = 0;
 };
@@ -61,10 +68,14 @@ struct account {
     ise::duration calm{};                            ///< after the end, until nothing was owed any more
     std::size_t set_back = 0;                        ///< times that a backup was put in the place of a node's disk
     shown_page page;
-    std::uint64_t recorded = 0; ///< telecommands in the primary node's record
+    std::vector<executed_command> executed; ///< virtual clock: by the boat, as they were
+    std::uint64_t recorded = 0;             ///< telecommands in the primary node's record
     double sailed_m = 0;
     std::vector<telemetry_packet> packets; ///< of the primary node's disk, in the order of the boat's measurements
 };
+
+/// Those that the boat executed after their validity.
+std::vector<executed_command> late_executions(const account& of);
 
 console_view view_of(const std::string& name, const console::operator_port& at);
 

@@ -114,6 +114,13 @@ void voyage::start_sea() {
         options.iridium.port.device = "/dev/ttyS2";
         options.iridium.period_s = told_.plan.iridium_period_s;
         options.memory_file = disk_prefix_ + "boat";
+        options.on_executed = [this](const acknowledgement& done) {
+            executed_command one;
+            one.id = done.id;
+            one.kind = done.kind;
+            one.at = done.header.measured_at - told_.began; // the boat's clock is right
+            told_.executed.push_back(one);
+        };
         options.gprs = boat_lives_++ % 2 == 0 ? "tcp://boat:7431" : "udp://boat:7431"; // the relay
         return node.start<boat_simulator>(boat_path, std::move(where), std::move(options));
     });

@@ -75,6 +75,10 @@ ise::task<> operator_seat::carry_out(order what) {
         if (!what.by_console) one.request.id = id_of(which);
         one.request.command = step;
         one.request.valid_s = what.valid_s;
+        // However late it is taken.
+        one.request.valid_until = std::chrono::floor<std::chrono::milliseconds>(wall()) +
+                                  std::chrono::seconds(static_cast<std::int64_t>(what.valid_s));
+        one.valid_until = one.asked + std::chrono::seconds(static_cast<std::int64_t>(what.valid_s));
         one.request.via = what.via;
         one.request.confirmed = !step.danger().empty();
         if (what.by_console) {
@@ -93,7 +97,7 @@ std::uint32_t operator_seat::id_of(std::size_t which) const {
 }
 
 ise::duration operator_seat::until(const given_command& one) const {
-    return one.asked + std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(one.request.valid_s)) +
+    return one.asked + std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(*one.request.valid_s)) +
            grace;
 }
 
@@ -123,6 +127,8 @@ ise::task<> operator_seat::give_at_console(std::size_t which) {
     auto last = until(self_.commands[which]);
     for (bool taken = false; !taken && time_() < last;) {
         taken = console_->act(what);
+        self_.commands[which].valid_until =
+            time_() + std::chrono::seconds(static_cast<std::int64_t>(what.valid_s.value_or(0)));
         if (!taken) co_await sleep(1s); // it is just starting
     }
     ++self_.commands[which].asks;

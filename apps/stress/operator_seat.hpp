@@ -16,6 +16,7 @@ namespace atirma::stress {
 struct given_command {
     telecommand_request request;
     ise::duration asked{}, decided{-1}; ///< since the beginning
+    ise::duration valid_until{};        ///< the same
     telecommand_stage state = telecommand_stage::pending;
     std::optional<ack_code> result;
     std::string text;

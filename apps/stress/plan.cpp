@@ -1,5 +1,6 @@
 #include "plan.hpp"
 
+#include <components/boat/mission_checksum.hpp>
 #include <components/boat_simulator/course.hpp>
 
 #include <ise/sim/random.hpp>
@@ -100,9 +101,11 @@ void give_orders(voyage_plan& made, generator& dice) {
     order other_course;
     other_course.at = change;
     other_course.valid_s = 7200;
-    other_course.steps.push_back(commands::waypoint_clear());
     const auto course = simulator::find_course("T2");
-    for (const auto& mark : course->marks) other_course.steps.push_back(commands::waypoint_add{mark});
+    for (std::size_t i = 0; i < course->marks.size(); ++i)
+        other_course.steps.push_back(commands::mission_stage{static_cast<std::uint8_t>(i), course->marks[i]});
+    other_course.steps.push_back(
+        commands::mission_switch{static_cast<std::uint8_t>(course->marks.size()), mission_checksum(course->marks)});
     other_course.steps.push_back(commands::set_mode{sailing_mode::automatic});
     made.orders.push_back(std::move(other_course));
     std::stable_sort(made.orders.begin(), made.orders.end(),

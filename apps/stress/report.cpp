@@ -165,6 +165,12 @@ void say_commands(text& out, const account& of) {
     out.line("\nA console's telecommands are checked once a second, so the times are whole seconds. The nodes' "
              "record contains {} telecommands: these, and the nodes' own, which set the boat's authority.",
              of.recorded);
+    auto late = late_executions(of);
+    if (of.virtual_clock)
+        out.line("\nThe boat executed {} telecommands, **{} of them after their validity**.", of.executed.size(),
+                 late.size());
+    for (const auto& one : late)
+        out.line("- {}: {} {}: **executed too late**", clock_text(one.at), name_of(one.kind), one.id);
     out.line("\n| asked | by | id | what | over | until | outcome | words |");
     out.line("|---|---|---:|---|---|---:|---|---|");
     std::vector<std::pair<const given_command*, std::string>> all;
@@ -289,8 +295,8 @@ bool holds(const account& of, const ledger::verdict& proof) {
     // In a minute or two Iridium may honestly have brought nothing.
     bool all_links =
         of.plan.length < 10min || std::ranges::all_of(proof.links, [](const auto& one) { return one.owed > 0; });
-    return proof.holds && all_links && page_whole && of.page.duplicates == 0 && of.page.malformed == 0 &&
-           std::ranges::all_of(of.consoles, &console_view::fix);
+    return proof.holds && late_executions(of).empty() && all_links && page_whole && of.page.duplicates == 0 &&
+           of.page.malformed == 0 && std::ranges::all_of(of.consoles, &console_view::fix);
 }
 
 std::string make_report(const account& of, const findings& found, const ledger::verdict& proof) {

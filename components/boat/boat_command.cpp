@@ -101,6 +101,11 @@ const command_traits& traits_of(command_kind kind) noexcept {
     return *found;
 }
 
+std::chrono::seconds default_validity(command_kind kind, link_id over) noexcept {
+    const auto& traits = traits_of(kind);
+    return over == link_id::iridium ? traits.valid_by_satellite : traits.valid;
+}
+
 std::optional<argument_range> range_of(const boat_command& command, std::string_view argument) {
     return command.visit([&](const auto& each) -> std::optional<argument_range> {
         if constexpr (requires { each.ranges(); })

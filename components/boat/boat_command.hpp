@@ -4,6 +4,7 @@
 #include <ise/core/result.hpp>
 #include <ise/packet/archive.hpp>
 
+#include <chrono>
 #include <tuple>
 #include <utility>
 
@@ -87,6 +88,9 @@ private:
 
 /// Those of a kind; of an unknown one, what is safe to assume.
 const command_traits& traits_of(command_kind kind) noexcept;
+
+/// How long a telecommand of that kind over that link is valid if its request names nothing.
+std::chrono::seconds default_validity(command_kind kind, link_id over) noexcept;
 
 /// Where this number has a range: nothing where it may be any.
 std::optional<argument_range> range_of(const boat_command& command, std::string_view argument);

@@ -25,7 +25,8 @@ enum : std::uint8_t {
     acknowledgement_type = 0x41,
     authorised_type = 0x42,
     authorised_acknowledgement_type = 0x43,
-    receipt_type = 0x44
+    receipt_type = 0x44,
+    limited_type = 0x45
 };
 
 /// CRC-16/CCITT (polynomial 0x1021, initial value 0xFFFF, not reflected, no final XOR; "123456789" gives 0x29B1).

@@ -1,8 +1,11 @@
 #pragma once
 #include <components/boat/telecommand.hpp>
 
+#include <ise/core/time.hpp>
 #include <ise/session/contract.hpp>
 
+#include <algorithm>
+#include <chrono>
 #include <cstddef>
 #include <optional>
 #include <string>
@@ -38,14 +41,25 @@ inline utc_time plausible_time(const telemetry_packet& packet) noexcept {
 struct telecommand_request {
     std::uint32_t id = 0; ///< chosen by the requester; 0: the proxy chooses one and tells it
     boat_command command;
-    float valid_s = 300;         ///< how long the proxy goes on trying, also after its reply, 1 … 86400
+    /// The boat executes it within this time or never, 1 … 86400. It counts from when the node or proxy has it, which
+    /// goes on trying for so long, also after its reply. Missing: `default_validity`.
+    std::optional<float> valid_s;
     std::optional<link_id> via;  ///< to a communication node: over this link only; missing: the best one that is alive
     bool confirmed = false;      ///< to a communication node: the operator has confirmed what is dangerous
     std::uint32_t authority = 0; ///< to a proxy: the epoch that travels to the boat; a node puts its own here
+    /// The same by the shore's clock (UTC); the earlier end counts. One that is over is refused.
+    std::optional<utc_time> valid_until;
 };
 
 /// invalid_argument where the boat would refuse an argument, or `valid_s` is out of range.
 ise::result<void> check_request(const telecommand_request& request);
+/// The longest time that a call with this telecommand may take, of what is left of its validity. Its `valid_s` is the
+/// rest: so it ends in time wherever the call was held up, and no clock has to agree with another one.
+constexpr ise::duration time_to_give(ise::duration left) noexcept {
+    return std::min<ise::duration>(std::chrono::seconds(5), left / 4);
+}
+/// How long it is valid from `now` on; nothing where its `valid_until` is over.
+std::optional<std::chrono::milliseconds> validity_of(const telecommand_request& request, utc_time now, link_id over);
 
 enum class telecommand_stage : std::uint8_t {
     pending = 0,      ///< only in a reply: not decided yet, follow telecommand_state
@@ -69,6 +83,7 @@ struct telecommand_reply {
     std::optional<float> value;              ///< what holds at the boat now, for kinds that tell
     std::string text;                        ///< for people
     std::optional<std::uint32_t> boat_obeys; ///< the epoch of authority that the boat obeys, where it said so
+    std::optional<utc_time> executed_at;     ///< by the shore's clock, as the boat's answer tells
 };
 
 /// A change in the life of a telecommand.
@@ -87,6 +102,8 @@ struct telecommand_status {
     std::optional<boat_command> command;     ///< from a communication node: what was asked for
     std::uint32_t authority = 0;             ///< from a communication node: the epoch that it was sent under
     std::optional<std::uint32_t> boat_obeys; ///< the epoch that the boat obeys, where its answer said so
+    std::optional<utc_time> valid_until;     ///< by the shore's clock; after it the boat does not execute it
+    std::optional<utc_time> executed_at;     ///< by the shore's clock, as the boat's answer tells
 };
 
 /// Which telecommand to follow; 0: all.

@@ -4,6 +4,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <chrono>
+
 namespace atirma {
 
 using layout::reader;
@@ -32,12 +35,27 @@ void take_argument(reader& in, std::string_view name, T& value) {
 
 } // namespace
 
+std::string utc_text(utc_time at) {
+    std::chrono::hh_mm_ss time(
+        std::chrono::floor<std::chrono::seconds>(at - std::chrono::floor<std::chrono::days>(at)));
+    return fmt::format("{:02}:{:02}:{:02}Z", time.hours().count(), time.minutes().count(), time.seconds().count());
+}
+
 ise::bytes encode_telecommand(const telecommand& command) {
     packet_header header;
     header.sequence = command.id; // a command's id stands where a packet's sequence does
     header.measured_at = command.sent_at;
-    writer out(command.authority == 0 ? layout::telecommand_type : layout::authorised_type, header);
-    if (command.authority != 0) out.integer(command.authority);
+    if (command.valid_for) header.boot = command.clock_of;
+    writer out(command.valid_for        ? layout::limited_type
+               : command.authority == 0 ? layout::telecommand_type
+                                        : layout::authorised_type,
+               header);
+    if (command.authority != 0 || command.valid_for) out.integer(command.authority);
+    if (command.valid_for) {
+        auto steps = std::clamp(*command.valid_for, std::chrono::milliseconds(0), telecommand::max_valid_for) / 10;
+        out.integer(static_cast<std::uint16_t>(steps.count() & 0xFFFF));
+        out.integer(static_cast<std::uint8_t>(steps.count() >> 16));
+    }
     out.enumerator(command.command.kind());
     command.command.for_each_argument([&out](std::string_view, const auto& value) { put_argument(out, value); });
     return out.finish();
@@ -45,12 +63,19 @@ ise::bytes encode_telecommand(const telecommand& command) {
 
 ise::result<telecommand> parse_telecommand(ise::bytes_view raw) {
     reader in(raw);
-    if (in.ok() && in.type != layout::telecommand_type && in.type != layout::authorised_type)
+    bool limited = in.type == layout::limited_type;
+    if (in.ok() && in.type != layout::telecommand_type && in.type != layout::authorised_type && !limited)
         in.fail(fmt::format("a packet of type {:02X} is not a telecommand", in.type));
     telecommand command;
     command.id = in.header.sequence;
     command.sent_at = in.header.measured_at;
-    if (in.type == layout::authorised_type) command.authority = in.integer<std::uint32_t>();
+    if (limited || in.type == layout::authorised_type) command.authority = in.integer<std::uint32_t>();
+    if (limited) {
+        auto low = in.integer<std::uint16_t>();
+        auto high = in.integer<std::uint8_t>();
+        command.valid_for = std::chrono::milliseconds(10) * (low | high << 16);
+        command.clock_of = in.header.boot;
+    }
     command.command = boat_command(in.any_enumerator<command_kind>());
     // A newer shore: its arguments are not ours to read.
     if (in.ok() && command.command.get_if<commands::unknown>()) return command;
@@ -91,7 +116,8 @@ packet_class classify(ise::bytes_view raw) noexcept {
     if (raw.size() < 2) return packet_class::unknown;
     auto type = std::to_integer<std::uint8_t>(raw[1]);
     if (type >= layout::first_telemetry && type <= layout::last_telemetry) return packet_class::telemetry;
-    if (type == layout::telecommand_type || type == layout::authorised_type) return packet_class::telecommand;
+    if (type == layout::telecommand_type || type == layout::authorised_type || type == layout::limited_type)
+        return packet_class::telecommand;
     if (type == layout::acknowledgement_type || type == layout::authorised_acknowledgement_type)
         return packet_class::acknowledgement;
     if (type == layout::receipt_type) return packet_class::receipt;

@@ -9,10 +9,18 @@ namespace atirma {
 /// What the boat is told. It is idempotent by `id`: a telecommand that arrives twice is executed once and acknowledged
 /// twice.
 struct telecommand {
+    /// The limit of `valid_for`, 24 bits of hundredths of a second: 46 hours.
+    static constexpr std::chrono::milliseconds max_valid_for{0xFFFFFF * 10};
+
     std::uint32_t id = 0; ///< chosen by the sender, not reused while the boat may remember it
-    utc_time sent_at{};
+    utc_time sent_at{};   ///< by the clock that `clock_of` names
     boat_command command;
     std::uint32_t authority = 0; ///< epoch of the operator's authority over the boat; 0: sent without one
+    /// The boat does not execute it later than this after `sent_at`; rounded down to hundredths of a second. Nothing:
+    /// of an older shore, which set no limit.
+    std::optional<std::chrono::milliseconds> valid_for;
+    /// 0: `sent_at` is UTC. Else the boot of the boat whose clock it is given by (boat_clock.hpp).
+    std::uint16_t clock_of = 0;
     bool operator==(const telecommand&) const = default;
 };
 
@@ -30,6 +38,9 @@ struct acknowledgement {
     std::optional<std::uint32_t> authority;
     bool operator==(const acknowledgement&) const = default;
 };
+
+/// "06:32:10Z".
+std::string utc_text(utc_time at);
 
 ise::bytes encode_telecommand(const telecommand& command);
 

@@ -18,6 +18,7 @@ telecommand_reply reply_of(const telecommand_status& status) {
     made.value = status.value;
     made.text = status.text;
     made.boat_obeys = status.boat_obeys;
+    made.executed_at = status.executed_at;
     return made;
 }
 

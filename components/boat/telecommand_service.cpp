@@ -37,6 +37,7 @@ void telecommand_service::provide() {
         work();
         const auto* known = tracker_.find(request.id);
         reply.text = known ? known->text : "it is not known here";
+        if (known) reply.state = status_of(*known, tracker_.policy().link).state;
         return reply;
     });
 }

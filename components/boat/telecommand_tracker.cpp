@@ -8,6 +8,8 @@
 namespace atirma {
 namespace {
 
+constexpr std::uint32_t max_called_late = 3;
+
 ise::duration pause_after(std::uint32_t failures, const link_policy& policy) {
     auto pause = policy.min_pause;
     for (std::uint32_t i = 1; i < failures && pause < policy.max_pause; ++i) pause *= 2;
@@ -47,12 +49,14 @@ telecommand_status status_of(const tracked_telecommand& entry, link_id link) {
     told.at = entry.changed_at;
     told.asked_at = entry.asked_at;
     told.attempts = entry.attempts;
+    told.valid_until = entry.valid_until;
+    told.executed_at = entry.executed_at;
     return told;
 }
 
 bool is_answer(const acknowledgement& ack, command_kind kind, std::uint32_t sent_under) noexcept {
     if (ack.kind != kind) return false; // of another shore's telecommand with that number
-    if (sent_under == 0 || ack.code == ack_code::no_authority) return true;
+    if (sent_under == 0 || ack.code == ack_code::no_authority || ack.code == ack_code::expired) return true;
     return ack.authority && (!traits_of(kind).needs_authority || *ack.authority == sent_under);
 }
 
@@ -89,6 +93,11 @@ ise::result<std::uint32_t> telecommand_tracker::submit(tracker_time at, const te
     if (open_count() >= policy_.max_open)
         return ise::failure(ise::errc::overloaded,
                             fmt::format("{} telecommands wait for the boat already", open_count()));
+    auto valid = validity_of(request, at.wall, policy_.link);
+    if (!valid)
+        return ise::failure(ise::errc::invalid_argument,
+                            fmt::format("its validity ended at {}, and it is {} here", utc_text(*request.valid_until),
+                                        utc_text(at.wall)));
     tracked_telecommand made;
     made.id = id;
     made.command = request.command;
@@ -96,8 +105,8 @@ ise::result<std::uint32_t> telecommand_tracker::submit(tracker_time at, const te
     made.order = next_order_++;
     made.asked_at = at.wall;
     made.next_try = at.now;
-    made.expires_at = ise::saturating_add(
-        at.now, std::chrono::round<std::chrono::milliseconds>(std::chrono::duration<double>(request.valid_s)));
+    made.expires_at = ise::saturating_add(at.now, *valid);
+    made.valid_until = at.wall + *valid;
     change(table_.add(id, std::move(made)), at, link_stage::waiting, std::string(policy_.waits));
     return id;
 }
@@ -137,9 +146,21 @@ std::optional<telecommand_tracker::due> telecommand_tracker::next_due(tracker_ti
     else change(e, at, link_stage::sending, std::string(policy_.is_given));
     due made;
     made.id = e.id;
-    made.raw = encode_telecommand({e.id, at.wall, e.command, e.authority});
+    made.raw = encoded(e, at);
     made.remaining = e.expires_at - at.now;
     return made;
+}
+
+ise::bytes telecommand_tracker::encoded(const tracked_telecommand& entry, tracker_time at) const {
+    auto stamp = clock_.read(at.now, at.wall);
+    telecommand made;
+    made.id = entry.id;
+    made.sent_at = stamp.at;
+    made.clock_of = stamp.boot;
+    made.command = entry.command;
+    made.authority = entry.authority;
+    made.valid_for = std::chrono::floor<std::chrono::milliseconds>(entry.expires_at - at.now);
+    return encode_telecommand(made);
 }
 
 void telecommand_tracker::hold(tracker_time at, ise::time_point until, const std::string& why) {
@@ -187,7 +208,19 @@ void telecommand_tracker::on_gateway_word(tracker_time at, std::uint32_t id, boo
 bool telecommand_tracker::on_acknowledgement(tracker_time at, const acknowledgement& ack) {
     auto* e = table_.find(ack.id);
     if (!e || e->stage == link_stage::acknowledged || !is_answer(ack, e->command.kind(), e->authority)) return false;
+    clock_.heard(at.now, ack.header, true);
+    bool late = ack.code == ack_code::expired;
+    if (late && !is_final(e->stage) && e->expires_at > at.now && e->called_late < max_called_late) {
+        ++e->called_late;
+        clock_.distrust(ack.header.boot);
+        e->next_try = at.now;
+        e->may_have_left = true;
+        change(*e, at, link_stage::waiting,
+               fmt::format("the boat finds it late by its own clock ({}): is sent again by that clock", ack.text));
+        return true;
+    }
     e->result = ack.code;
+    if (!late && ack.code != ack_code::no_authority) e->executed_at = clock_.shore_time(at.now, at.wall, ack.header);
     if (traits_of(ack.kind).returns_value) e->value = ack.value;
     e->boat_obeys = ack.authority;
     change(*e, at, link_stage::acknowledged, ack.text);

@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/boat_clock.hpp>
 #include <components/boat/link_stage.hpp>
 #include <components/boat/services.hpp>
 #include <components/boat/telecommand_table.hpp>
@@ -56,12 +57,15 @@ struct tracked_telecommand {
     std::uint32_t failures = 0; ///< attempts since it was last delivered, or the link came up
     utc_time asked_at{}, changed_at{};
     ise::time_point expires_at{}, next_try{}; ///< by the tracker's clock
+    utc_time valid_until{};                   ///< `expires_at`, as it was told when it was asked for
+    std::optional<utc_time> executed_at;      ///< by the shore's clock
+    std::uint32_t called_late = 0;            ///< answers of the boat that it is late, while it was not
 };
 telecommand_status status_of(const tracked_telecommand& entry, link_id link);
 
 /// Whether `ack` may be the boat's answer to a telecommand of that kind that was sent under that epoch of authority (0:
-/// none). Under an epoch it names one, as the boat answers type 42 with 43: that of the telecommand if the boat did
-/// what needs authority, any if the telecommand only asks, and any or none with no_authority.
+/// none). Under an epoch it names one, with type 43: that of the telecommand if the boat did what needs authority, any
+/// if the telecommand only asks, and any or none with no_authority and expired.
 bool is_answer(const acknowledgement& ack, command_kind kind, std::uint32_t sent_under) noexcept;
 
 /// Now, by the clock that validities and pauses are measured with, and as it is told.
@@ -108,6 +112,8 @@ public:
     std::optional<due> next_due(tracker_time at);
     /// The same one, not given yet.
     const tracked_telecommand* first_due(tracker_time at);
+    /// As it is sent now: each attempt says anew how long it is still valid.
+    ise::bytes encoded(const tracked_telecommand& entry, tracker_time at) const;
     /// The first that is due waits until then for a reason, and with it all others.
     void hold(tracker_time at, ise::time_point until, const std::string& why);
     void on_outcome(tracker_time at, std::uint32_t id, const link_outcome& outcome);
@@ -115,7 +121,10 @@ public:
     void on_delivered(tracker_time at);
     /// The gateway's later word about one that it had taken.
     void on_gateway_word(tracker_time at, std::uint32_t id, bool kept, const std::string& text);
-    /// False if nobody waits for it, or it is no answer (`is_answer`).
+    /// A packet of the boat came: what it says of the boat's clock. Answers need not be told here.
+    void on_heard(tracker_time at, const packet_header& packet) { clock_.heard(at.now, packet, false); }
+    /// False if nobody waits for it, or it is no answer (`is_answer`). Where the boat finds late what is not, its clock
+    /// is wrong: it is sent again by that clock, a few times.
     bool on_acknowledgement(tracker_time at, const acknowledgement& ack);
     /// The way to the boat is open (again): what waits for an answer is due now.
     void on_link_up(tracker_time at);
@@ -145,6 +154,7 @@ private:
     link_policy policy_;
     telecommand_table<tracked_telecommand> table_;
     std::vector<tracked_telecommand> changes_;
+    boat_clock clock_;
     std::uint64_t next_order_ = 1;
     ise::time_point held_until_{};
 };

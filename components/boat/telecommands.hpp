@@ -4,6 +4,7 @@
 #include <components/boat/parameters.hpp>
 
 #include <array>
+#include <chrono>
 #include <variant>
 
 /// All that the boat can be told. To add a telecommand: its number in `command_kind`, a struct of the same name, that
@@ -32,6 +33,8 @@ enum class command_kind : std::uint8_t {
     request_status = 13,
     reboot = 14,
     emergency_beacon = 15,
+    mission_stage = 16,
+    mission_switch = 17,
 };
 extern template std::span<const enum_name<command_kind>> names_of() noexcept;
 
@@ -49,6 +52,9 @@ struct command_traits {
     bool needs_authority = true;
     command_priority priority = command_priority::steers;
     bool returns_value = false; ///< the acknowledgement's `value` is what holds at the boat now
+    /// The validity where the operator names none, over XBee and GPRS, and over Iridium, whose sessions are minutes
+    /// apart.
+    std::chrono::seconds valid{60}, valid_by_satellite{3600};
 };
 
 /// What a number may be. One that is not listed in `ranges()` may be any.
@@ -93,7 +99,8 @@ struct waypoint_insert {
     static constexpr command_traits traits{.kind = command_kind::waypoint_insert,
                                            .help = "Puts a waypoint before the one at that place of the list.",
                                            .words = "insert waypoint {index+1} at {point}",
-                                           .returns_value = true};
+                                           .returns_value = true,
+                                           .valid = std::chrono::seconds(300)};
 };
 
 struct waypoint_add {
@@ -102,7 +109,8 @@ struct waypoint_add {
     static constexpr command_traits traits{.kind = command_kind::waypoint_add,
                                            .help = "Puts a waypoint at the end of the list.",
                                            .words = "add waypoint at {point}",
-                                           .returns_value = true};
+                                           .returns_value = true,
+                                           .valid = std::chrono::seconds(300)};
 };
 
 struct waypoint_delete {
@@ -111,14 +119,16 @@ struct waypoint_delete {
     static constexpr command_traits traits{.kind = command_kind::waypoint_delete,
                                            .help = "Removes a waypoint from the list.",
                                            .words = "delete waypoint {index+1}",
-                                           .returns_value = true};
+                                           .returns_value = true,
+                                           .valid = std::chrono::seconds(300)};
 };
 
 struct waypoint_clear {
     static constexpr command_traits traits{.kind = command_kind::waypoint_clear,
                                            .help = "Removes all waypoints from the list.",
                                            .words = "clear waypoints",
-                                           .returns_value = true};
+                                           .returns_value = true,
+                                           .valid = std::chrono::seconds(300)};
     constexpr std::string_view danger() const {
         return "The boat loses its list of waypoints; in Auto it then stays where it is.";
     }
@@ -139,7 +149,8 @@ struct waypoint_select {
     static constexpr command_traits traits{.kind = command_kind::waypoint_select,
                                            .help = "Makes a waypoint of the list the next one.",
                                            .words = "sail to waypoint {index+1}",
-                                           .returns_value = true};
+                                           .returns_value = true,
+                                           .valid = std::chrono::seconds(300)};
 };
 
 struct set_parameter {
@@ -149,7 +160,8 @@ struct set_parameter {
     static constexpr command_traits traits{.kind = command_kind::set_parameter,
                                            .help = "Changes a parameter.",
                                            .words = "{parameter} := {value}",
-                                           .returns_value = true};
+                                           .returns_value = true,
+                                           .valid = std::chrono::seconds(300)};
     std::array<argument_range, 1> ranges() const { return {range_of("value", parameter)}; }
     constexpr std::string_view danger() const {
         if (parameter != parameter_id::fence || value != 0) return {};
@@ -170,11 +182,17 @@ struct get_parameter {
 };
 
 struct tack_now {
-    static constexpr command_traits traits{.kind = command_kind::tack_now, .help = "Goes through the wind now."};
+    static constexpr command_traits traits{.kind = command_kind::tack_now,
+                                           .help = "Goes through the wind now.",
+                                           .valid = std::chrono::seconds(30),
+                                           .valid_by_satellite = std::chrono::seconds(900)};
 };
 
 struct gybe_now {
-    static constexpr command_traits traits{.kind = command_kind::gybe_now, .help = "Goes round before the wind now."};
+    static constexpr command_traits traits{.kind = command_kind::gybe_now,
+                                           .help = "Goes round before the wind now.",
+                                           .valid = std::chrono::seconds(30),
+                                           .valid_by_satellite = std::chrono::seconds(900)};
 };
 
 struct set_telemetry_period {
@@ -184,7 +202,8 @@ struct set_telemetry_period {
     static constexpr command_traits traits{.kind = command_kind::set_telemetry_period,
                                            .help = "Sends telemetry over a link that often.",
                                            .words = "telemetry over {link}: {period_s}",
-                                           .returns_value = true};
+                                           .returns_value = true,
+                                           .valid = std::chrono::seconds(300)};
     constexpr std::array<argument_range, 1> ranges() const {
         return {
             argument_range{.argument = "period_s", .minimum = 0.5, .maximum = 86400, .unit = "s", .zero_is_off = true}};
@@ -217,10 +236,38 @@ struct emergency_beacon {
     static constexpr command_traits traits{.kind = command_kind::emergency_beacon,
                                            .help = "Switches the emergency beacon on or off.",
                                            .words = "beacon {on}",
-                                           .priority = command_priority::saves};
+                                           .priority = command_priority::saves,
+                                           .valid = std::chrono::seconds(600)};
     constexpr std::string_view danger() const {
         return on ? "The emergency beacon calls for help, and draws on the battery."
                   : "The emergency beacon goes off: who is on the way to the boat loses it.";
+    }
+};
+
+/// A whole list of waypoints goes up in parts that change nothing, and is put in the place of the boat's list by one
+/// telecommand: the boat has the old list or the new one, whatever is lost on the way.
+struct mission_stage {
+    std::uint8_t index = 0; ///< the place that it has in the new list, from 0
+    waypoint point;
+
+    static constexpr command_traits traits{.kind = command_kind::mission_stage,
+                                           .help = "Keeps a waypoint of a new list, and goes on with its own.",
+                                           .words = "stage waypoint {index+1} at {point}",
+                                           .valid = std::chrono::seconds(300)};
+};
+
+struct mission_switch {
+    std::uint8_t count = 0;     ///< waypoints of the new list, staged from 0 on
+    std::uint32_t checksum = 0; ///< of these (mission_checksum.hpp); others are refused, and the list stays
+
+    static constexpr command_traits traits{.kind = command_kind::mission_switch,
+                                           .help = "Puts the staged list in the place of its own.",
+                                           .words = "switch to the staged list of {count}",
+                                           .returns_value = true,
+                                           .valid = std::chrono::seconds(300)};
+    constexpr std::string_view danger() const {
+        if (count != 0) return {};
+        return "The boat loses its list of waypoints; in Auto it then stays where it is.";
     }
 };
 
@@ -238,6 +285,6 @@ using any_telecommand =
                  commands::waypoint_delete, commands::waypoint_clear, commands::waypoint_read_back,
                  commands::waypoint_select, commands::set_parameter, commands::get_parameter, commands::tack_now,
                  commands::gybe_now, commands::set_telemetry_period, commands::request_status, commands::reboot,
-                 commands::emergency_beacon, commands::unknown>;
+                 commands::emergency_beacon, commands::mission_stage, commands::mission_switch, commands::unknown>;
 
 } // namespace atirma

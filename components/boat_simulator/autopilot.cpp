@@ -1,5 +1,7 @@
 #include <components/boat_simulator/autopilot.hpp>
 
+#include <components/boat/mission_checksum.hpp>
+
 #include <fmt/format.h>
 
 namespace atirma::simulator {
@@ -111,6 +113,35 @@ void autopilot::clear() {
     laps_ = 0;
     ++revision_;
     if (mode_ == sailing_mode::automatic) has_target_ = false;
+}
+
+ise::result<void> autopilot::stage(std::size_t index, waypoint point) {
+    if (index >= max_waypoints)
+        return ise::failure(ise::errc::invalid_argument, fmt::format("a list has {} waypoints at most", max_waypoints));
+    staged_[index] = point;
+    return {};
+}
+
+ise::result<void> autopilot::adopt(std::size_t count, std::uint32_t checksum, const boat_state& state) {
+    if (count > max_waypoints)
+        return ise::failure(ise::errc::invalid_argument, fmt::format("a list has {} waypoints at most", max_waypoints));
+    std::vector<waypoint> fresh;
+    for (std::size_t i = 0; i < count; ++i) {
+        auto found = staged_.find(i);
+        if (found == staged_.end())
+            return ise::failure(ise::errc::refused, fmt::format("waypoint {} of {} is not staged", i + 1, count));
+        fresh.push_back(found->second);
+    }
+    if (mission_checksum(fresh) != checksum) return ise::failure(ise::errc::refused, "the staged list is another one");
+    list_ = std::move(fresh);
+    staged_.clear();
+    active_ = 0;
+    laps_ = 0;
+    ++revision_;
+    if (mode_ != sailing_mode::automatic) return {};
+    has_target_ = at_station_ = false;
+    if (!list_.empty()) aim_at_active(state.position_m);
+    return {};
 }
 
 float autopilot::parameter(parameter_id id) const {

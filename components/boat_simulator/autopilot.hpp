@@ -3,6 +3,7 @@
 #include <components/boat/telemetry.hpp>
 #include <components/boat_simulator/line_follower.hpp>
 
+#include <map>
 #include <vector>
 
 namespace atirma::simulator {
@@ -32,6 +33,12 @@ public:
     ise::result<void> erase(std::size_t index, const boat_state& state);
     ise::result<void> select(std::size_t index, const boat_state& state);
     void clear();
+    /// Keeps a waypoint of a list to come; the one that was kept for that place is forgotten. Lost with a reboot.
+    ise::result<void> stage(std::size_t index, waypoint point);
+    /// Puts the first `count` staged waypoints in the place of the list, all or nothing, and forgets them. Errors:
+    /// refused, with what is missing or differs; the list and what is staged stay.
+    ise::result<void> adopt(std::size_t count, std::uint32_t checksum, const boat_state& state);
+    void forget_staged() { staged_.clear(); }
 
     float parameter(parameter_id id) const; ///< 0 for a number without a name
     ise::result<void> set_parameter(parameter_id id, float value);
@@ -60,6 +67,7 @@ private:
     steering last_;
     sailing_mode mode_ = sailing_mode::automatic;
     std::vector<waypoint> list_;
+    std::map<std::size_t, waypoint> staged_;
     float parameters_[parameter_count];
     std::uint16_t revision_ = 1, laps_ = 0;
     std::uint8_t active_ = 0;

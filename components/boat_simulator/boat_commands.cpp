@@ -7,7 +7,7 @@
 
 namespace atirma::simulator {
 
-static constexpr double reboot_s = 6;
+static constexpr double reboot_s = 6, step_ms = 100;
 
 ise::result<acknowledgement> simulated_boat::on_packet(link_id link, ise::bytes_view raw) {
     if (starting()) return ise::failure(ise::errc::not_connected, "the boat is starting");
@@ -16,9 +16,41 @@ ise::result<acknowledgement> simulated_boat::on_packet(link_id link, ise::bytes_
         ++refused_;
         return command.error();
     }
+    // Of an older shore. What only asks does no harm.
+    if (!command->valid_for && traits_of(command->command.kind()).needs_authority) {
+        auto no = late(*command, "it carries no validity");
+        queue_answer(link, no);
+        return no;
+    }
     auto ack = execute(*command, link);
     queue_answer(link, ack);
     return ack;
+}
+
+/// Why its validity is over, or cannot be judged; empty: it is valid. The clock may refuse, never admit: a time in UTC
+/// counts only where GPS sets the clock, and one by the boat's own clock only in the boot that it was given for.
+std::string simulated_boat::lateness(const telecommand& command) const {
+    if (!command.valid_for) return {};
+    if (command.clock_of == 0 && options_.clock_off) return "its clock is not set by GPS, and UTC was given";
+    if (command.clock_of != 0 && command.clock_of != boot_)
+        return fmt::format("for the clock of boot {}, this is boot {}", command.clock_of, boot_);
+    // The clock shows the last step of the model; the present is in the one that follows.
+    auto step = std::chrono::milliseconds(std::llround(std::ceil(step_ms * options_.clock_rate)));
+    auto now = clock_now() + step, until = command.sent_at + *command.valid_for;
+    if (now <= until) return {};
+    return fmt::format("was valid until {}, it is {}", utc_text(until), utc_text(now));
+}
+
+/// Not remembered: nothing was executed, and the id may come again in time.
+acknowledgement simulated_boat::late(const telecommand& command, std::string why) {
+    acknowledgement no;
+    no.header = next_header();
+    no.id = command.id;
+    no.kind = command.command.kind();
+    no.code = ack_code::expired;
+    no.text = std::move(why);
+    ++late_count_;
+    return no;
 }
 
 acknowledgement simulated_boat::execute(const telecommand& command, link_id from) {
@@ -30,11 +62,13 @@ acknowledgement simulated_boat::execute(const telecommand& command, link_id from
         // May have been lost.
         if (command.command.get_if<commands::waypoint_read_back>()) schedule_.request(packet_type::waypoints, from);
         auto again = *known;
-        again.header = next_header(); // a new packet with the same contents
+        again.header = next_header(); // a new packet with the same contents, and the time of the execution
+        again.header.measured_at = std::min(known->header.measured_at, again.header.measured_at);
         // The answer names the epoch at the time of execution, not the present one.
         if (command.authority != 0 && !needs_authority) again.authority = authority_;
         return again;
     }
+    if (auto why = lateness(command); !why.empty()) return late(command, std::move(why));
     bool obeyed = obeys(command.authority);
     if (needs_authority && !obeyed) {
         acknowledgement no; // not remembered: nothing was executed, and the id may come again under the valid epoch
@@ -150,6 +184,7 @@ struct simulated_boat::command_handlers {
         boat.last_reset_ = reset_cause::commanded;
         ++boat.boot_;
         boat.sequence_ = 0;
+        boat.pilot_.forget_staged();
         for (std::size_t i = 0; i < packet_type_count; ++i) boat.schedule_.request(static_cast<packet_type>(i));
         return fmt::format("starting, boot {}", boat.boot_);
     }
@@ -158,6 +193,12 @@ struct simulated_boat::command_handlers {
         boat.schedule_.request(packet_type::location);
         boat.schedule_.request(packet_type::navigation);
         return std::string(to.on ? "beacon on" : "beacon off");
+    }
+    outcome operator()(const commands::mission_stage& at) {
+        return nothing_to_say(boat.pilot_.stage(at.index, at.point));
+    }
+    outcome operator()(const commands::mission_switch& to) {
+        return list_changed(boat.pilot_.adopt(to.count, to.checksum, boat.state_));
     }
     outcome operator()(const commands::unknown&) { return std::string(); } // answered earlier
 };

@@ -85,6 +85,9 @@ void boat_simulator::make_boat() {
     auto utc = std::chrono::floor<std::chrono::milliseconds>(wall());
     made.epoch = utc;
     made.clock_rate = 1 / options_.speedup;
+    if (in_range("the error of the clock in seconds", options_.clock_off_s, -86400, 86400) != 0)
+        made.clock_off =
+            std::chrono::round<std::chrono::milliseconds>(std::chrono::duration<double>(options_.clock_off_s));
     made.seed = options_.seed;
     if (!options_.gprs.empty()) {
         double period_s = options_.gprs_period_s;
@@ -96,6 +99,7 @@ void boat_simulator::make_boat() {
     wind_ = std::make_shared<simulator::scene_wind>(make_wind());
     if (!options_.memory_file.empty()) open_memory(made);
     boat_ = std::make_unique<simulator::simulated_boat>(std::move(made), wind_);
+    executed_told_ = 0;
 }
 
 ise::task<> boat_simulator::run() {
@@ -153,7 +157,15 @@ void boat_simulator::sail() {
     send();
     send_uplink();
     if (iridium_) iridium_->carry();
+    if (options_.on_executed) tell_executed();
     if (memory_) remember();
+}
+
+void boat_simulator::tell_executed() {
+    const auto& all = boat_->executed();
+    auto fresh = std::min<std::uint64_t>(boat_->executed_count() - executed_told_, all.size());
+    executed_told_ = boat_->executed_count();
+    for (auto at = all.end() - static_cast<std::ptrdiff_t>(fresh); at != all.end(); ++at) options_.on_executed(*at);
 }
 
 void boat_simulator::send_uplink() {

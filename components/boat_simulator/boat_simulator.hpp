@@ -10,6 +10,7 @@
 
 #include <ise/component/component.hpp>
 
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -34,6 +35,10 @@ struct boat_simulator_options {
     std::string memory_file;
     std::string fence_file;      ///< GeoJSON (components/coast): the boat stays within it; empty: it has no fence
     bool keeps_off_coast = true; ///< it turns back before the coast of components/coast
+    /// Error of the boat's clock, which GPS does not set then; 0: GPS sets it, and it is right.
+    double clock_off_s = 0;
+    /// Called when a telecommand was executed, with its answer; for tests.
+    std::function<void(const acknowledgement&)> on_executed;
     ise::duration truth_period = std::chrono::milliseconds(500);
 };
 
@@ -64,6 +69,7 @@ private:
     void open_memory(simulator::boat_options& made);
     void remember();
     void kept(const ise::result<void>& outcome);
+    void tell_executed();
     void send();
     void ask_duty_cycle();
     void on_receipt(ise::bytes_view raw);
@@ -92,6 +98,7 @@ private:
     std::vector<ise::bytes> not_acknowledged_; // before the restart
     ise::time_point remember_at_{};
     std::uint64_t commands_kept_ = 0;
+    std::uint64_t executed_told_ = 0;
     std::uint32_t forgotten_ = 0; // of the uplink's numbers
     ise::time_point started_{};
     ise::time_point heard_at_{};

@@ -207,10 +207,13 @@ void simulated_boat::put(link_id link, std::deque<ise::bytes>& to, std::size_t m
     to.push_back(std::move(raw));
 }
 
-packet_header simulated_boat::next_header() {
+utc_time simulated_boat::clock_now() const {
     auto passed_ms = static_cast<double>(steps_) * 100 * options_.clock_rate;
-    return {boot_, sequence_++, options_.epoch + std::chrono::milliseconds(std::llround(passed_ms))};
+    return options_.epoch + options_.clock_off.value_or(std::chrono::milliseconds(0)) +
+           std::chrono::milliseconds(std::llround(passed_ms));
 }
+
+packet_header simulated_boat::next_header() { return {boot_, sequence_++, clock_now()}; }
 
 std::vector<ise::bytes> simulated_boat::take_packets(link_id link) {
     std::vector<ise::bytes> out;

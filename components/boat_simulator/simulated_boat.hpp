@@ -9,6 +9,8 @@
 #include <chrono>
 #include <deque>
 #include <memory>
+#include <optional>
+#include <string>
 
 namespace atirma::simulator {
 
@@ -35,6 +37,8 @@ struct boat_options {
     std::optional<double> heading_deg; ///< default: on a reach, because a boat at rest head to wind never moves
     utc_time epoch{};                  ///< UTC at model time 0
     double clock_rate = 1;             ///< UTC that passes per model time; 1/speedup keeps the boat's clock right
+    /// Error of the boat's clock, which then is not set by GPS; nothing: GPS sets it, and it is right.
+    std::optional<std::chrono::milliseconds> clock_off;
     std::uint16_t boot = 1;
     std::array<double, link_count> telemetry_period_s{2, 0, 0}; ///< at the start, by link_id; 0 is off
     std::optional<remembered_boat> resumed; ///< continues from there, in the next boot; `course`, `start` and
@@ -80,9 +84,11 @@ public:
     }
 
     /// Processes a packet that arrived over a link: executes a telecommand and queues its acknowledgement on the same
-    /// link. Anything else is `malformed`, and counted. A boat that is starting ignores packets.
+    /// link. One without a validity is refused if it changes anything. Anything else is `malformed`, and counted. A
+    /// boat that is starting ignores packets.
     ise::result<acknowledgement> on_packet(link_id link, ise::bytes_view raw);
-    /// The same for a decoded telecommand. A repeated id gets the first answer again and changes nothing.
+    /// The same for a decoded telecommand. A repeated id gets the first answer again and changes nothing; one whose
+    /// validity is over is not executed, and may come again under that id.
     acknowledgement execute(const telecommand& command, link_id from = link_id::xbee);
 
     /// The state reported by the link's driver; sent in the next link_status packet.
@@ -106,6 +112,9 @@ public:
     const std::deque<acknowledgement>& executed() const { return acknowledged_; }
     std::uint64_t executed_count() const { return executed_count_; } ///< the number ever added to `executed()`
     std::uint32_t authority() const { return authority_; }           ///< the epoch that it obeys; 0: any
+    std::uint64_t late_count() const { return late_count_; }         ///< telecommands refused as expired
+    /// By its own clock, which never goes back within a boot.
+    utc_time clock_now() const;
 
 private:
     void resume(const remembered_boat& from);
@@ -121,6 +130,8 @@ private:
     void put(link_id link, std::deque<ise::bytes>& to, std::size_t most, ise::bytes raw);
     packet_header next_header();
     bool obeys(std::uint32_t epoch) const;
+    std::string lateness(const telecommand& command) const;
+    acknowledgement late(const telecommand& command, std::string why);
     struct command_handlers;
     struct command_values;
     acknowledgement decide(const boat_command& command, std::uint32_t id, link_id from);
@@ -143,7 +154,7 @@ private:
     vec ground_velocity_;
     double leeway_rad_ = 0;
     std::int64_t steps_ = 0;
-    std::uint64_t refused_ = 0, executed_count_ = 0;
+    std::uint64_t refused_ = 0, executed_count_ = 0, late_count_ = 0;
     std::uint32_t sequence_ = 0, authority_ = 0;
     std::uint16_t boot_;
     reset_cause last_reset_ = reset_cause::power_on;

@@ -31,11 +31,16 @@ bool knows_more(const command_record& a, const command_record& b) noexcept {
 ise::result<command_record> command_router::prepare(ise::time_point now, utc_time wall,
                                                     const telecommand_request& request, std::uint32_t chosen,
                                                     const std::string& asked_by, std::uint32_t authority,
-                                                    const std::string& node) const {
+                                                    const std::string& node, link_id over) const {
     if (auto good = check_request(request); !good) return good.error();
     if (open_count() >= options_.max_open)
         return ise::failure(ise::errc::overloaded,
                             fmt::format("{} telecommands wait for the boat already", open_count()));
+    auto valid = validity_of(request, wall, request.via.value_or(over));
+    if (!valid)
+        return ise::failure(ise::errc::invalid_argument,
+                            fmt::format("its validity ended at {}, and it is {} here: is the clock there right?",
+                                        utc_text(*request.valid_until), utc_text(wall)));
     command_record made;
     made.status.id = request.id != 0 ? request.id : chosen;
     made.status.kind = request.command.kind();
@@ -46,8 +51,8 @@ ise::result<command_record> command_router::prepare(ise::time_point now, utc_tim
     made.status.authority = authority;
     made.status.text = "waits for a link";
     if (request.via) made.status.link = *request.via;
-    made.valid_until =
-        wall + std::chrono::milliseconds(static_cast<std::int64_t>(static_cast<double>(request.valid_s) * 1000));
+    made.valid_until = wall + *valid;
+    made.status.valid_until = made.valid_until;
     made.via = request.via;
     made.node = node;
     made.asked_steady_ms = steady_ms(now);
@@ -87,7 +92,7 @@ bool command_router::know(ise::time_point now, utc_time wall, const command_reco
 void command_router::take_over(ise::time_point now, utc_time wall, const std::string& me) {
     for (auto id : std::vector(table_.open())) {
         auto& e = table_.at(id);
-        if (e.mine || e.expires <= now) continue;
+        if (e.mine || !e.record.called_back.empty() || e.expires <= now) continue;
         e.mine = true;
         e.record.node = me;
         e.record.asked_steady_ms = steady_ms(e.expires - until(e.record.valid_until, e.record.status.asked_at));
@@ -111,7 +116,7 @@ std::optional<command_router::give> command_router::next_give(ise::time_point no
     on_time(now, wall);
     for (auto id : table_.open()) {
         auto& e = table_.at(id);
-        if (!e.mine || e.expires - now < std::chrono::seconds(1)) continue;
+        if (!e.mine || !e.record.called_back.empty() || e.expires - now < std::chrono::seconds(1)) continue;
         auto at = next_link_at(e, links);
         if (!at || *at > now) continue;
         std::set<link_id> tried;
@@ -158,6 +163,7 @@ void command_router::on_status(utc_time wall, link_id link, const telecommand_st
         mine.result = status.result;
         mine.value = status.value;
         mine.boat_obeys = status.boat_obeys;
+        mine.executed_at = status.executed_at;
         if (status.boat_obeys) boat_epochs_.push_back({mine.authority, *status.boat_obeys});
         for (const auto& [other, given] : e.links)
             if (other != link && given.given && !given.refused) recalls_.push_back({status.id, other, link});
@@ -167,7 +173,12 @@ void command_router::on_status(utc_time wall, link_id link, const telecommand_st
     if (is_final(mine.state)) return;
     if (status.state == telecommand_stage::failed) {
         there.refused = true;
+        if (!e.record.called_back.empty()) return end_called_back(e, wall);
         change(e, wall, mine.state, fmt::format("{}: {}", name_of(link), status.text));
+    } else if (status.state == telecommand_stage::expired && !e.record.called_back.empty()) {
+        there.refused = true;
+        mine.state = telecommand_stage::sent;
+        end_called_back(e, wall);
     } else if (status.state == telecommand_stage::sent &&
                (there.stage != telecommand_stage::sent || mine.state != telecommand_stage::sent)) {
         there.stage = telecommand_stage::sent;
@@ -185,11 +196,32 @@ void command_router::on_refused(ise::time_point, utc_time wall, std::uint32_t id
     if (!known || is_final(known->record.status.state)) return;
     auto& e = *known;
     e.links[link].refused = true;
+    if (!e.record.called_back.empty()) return end_called_back(e, wall);
     auto text = fmt::format("{} refuses it: {}", name_of(link), why);
     if (!e.record.via) return change(e, wall, e.record.status.state, text);
     bool left = e.record.status.state == telecommand_stage::sent; // before the proxy forgot it, or under another node
     if (left) text += "; it was sent before: it may have been executed";
     change(e, wall, left ? telecommand_stage::expired : telecommand_stage::failed, text);
+}
+
+std::vector<link_id> command_router::call_back(utc_time wall, std::uint32_t id, const std::string& why) {
+    std::vector<link_id> have;
+    auto* known = table_.find(id);
+    if (!known || is_final(known->record.status.state)) return have;
+    known->record.called_back = why;
+    for (const auto& [link, given] : known->links)
+        if (!given.refused) have.push_back(link);
+    if (have.empty()) end_called_back(*known, wall);
+    else change(*known, wall, known->record.status.state, fmt::format("is called back ({})", why));
+    return have;
+}
+
+void command_router::end_called_back(entry& e, utc_time wall) {
+    if (std::ranges::any_of(e.links, [](const auto& one) { return !one.second.refused; })) return;
+    bool left = e.record.status.state == telecommand_stage::sent;
+    change(e, wall, left ? telecommand_stage::expired : telecommand_stage::failed,
+           left ? fmt::format("called back ({}), but it had left: it may have been executed", e.record.called_back)
+                : fmt::format("called back before it was sent ({})", e.record.called_back));
 }
 
 void command_router::on_time(ise::time_point now, utc_time wall) {
@@ -221,6 +253,11 @@ ise::time_point command_router::next_event(ise::time_point now, const link_table
 const command_record* command_router::find(std::uint32_t id) const {
     const auto* known = table_.find(id);
     return known ? &known->record : nullptr;
+}
+
+bool command_router::is_called_back(std::uint32_t id) const {
+    const auto* known = table_.find(id);
+    return known && !known->record.called_back.empty();
 }
 
 std::vector<telecommand_status> command_router::open() const {

@@ -27,9 +27,10 @@ public:
 
     /// Takes a telecommand; of an id that is known already, which must mean the same, nothing new. The record, to be
     /// put to disk. Errors: invalid_argument, overloaded.
+    /// `over`: the link that it will take as things stand, for its validity if the request names none.
     ise::result<command_record> prepare(ise::time_point now, utc_time wall, const telecommand_request& request,
                                         std::uint32_t chosen, const std::string& asked_by, std::uint32_t authority,
-                                        const std::string& node) const;
+                                        const std::string& node, link_id over = link_id::xbee) const;
     /// One that is on disk: prepared here, read at the start, or told by the other node. It is driven where
     /// `record.node` is `me`. True if it changed what was known.
     bool know(ise::time_point now, utc_time wall, const command_record& record, const std::string& me);
@@ -47,11 +48,15 @@ public:
     void on_status(utc_time wall, link_id link, const telecommand_status& status);
     /// The proxy will not have it; another link may.
     void on_refused(ise::time_point now, utc_time wall, std::uint32_t id, link_id link, const std::string& why);
+    /// It is called back: no further link gets it, and those that have it are to be asked (`services::
+    /// telecommand_recall`); what they tell comes to `on_status`. One that no link has is decided at once.
+    std::vector<link_id> call_back(utc_time wall, std::uint32_t id, const std::string& why);
     void on_time(ise::time_point now, utc_time wall);
     /// When `on_time` and `next_give` may have something to do.
     ise::time_point next_event(ise::time_point now, const link_table& links) const;
 
     const command_record* find(std::uint32_t id) const;
+    bool is_called_back(std::uint32_t id) const;
     std::vector<telecommand_status> open() const;
     std::size_t open_count() const noexcept { return table_.open().size(); }
     struct recall {
@@ -83,6 +88,7 @@ private:
         bool mine = false;
         std::map<link_id, at_link> links;
     };
+    void end_called_back(entry& e, utc_time wall);
     void change(entry& e, utc_time wall, telecommand_stage stage, std::string text);
     static ise::duration left_of(ise::time_point now, utc_time wall, const command_record& record, bool mine);
     std::optional<ise::time_point> next_link_at(const entry& e, const link_table& links) const;

@@ -93,6 +93,9 @@ void communication_node::parts::offer_services() {
     self.provide(services::telecommand, [this](telecommand_request request, const ise::call_context& context) {
         return telecommands.command(std::move(request), operator_of(context.caller, context.who), context.deadline);
     });
+    self.provide(services::telecommand_recall, [this](recall_request request, const ise::call_context& context) {
+        return telecommands.call_back(std::move(request), operator_of(context.caller));
+    });
     self.provide(services::authority, [this](authority_request request, const ise::call_context& context) {
         return authority.change(std::move(request), operator_of(context.caller, context.who));
     });

@@ -1,7 +1,5 @@
 #include <components/communication_node/node_telecommands.hpp>
 
-#include <components/boat/recall.hpp>
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -125,8 +123,9 @@ void node_telecommands::check(const telecommand_request& request, const std::str
 /// From here on it is on record, and under way.
 ise::result<command_record> node_telecommands::begin(const telecommand_request& request, const std::string& who) {
     auto chosen = static_cast<std::uint32_t>(here_.self.env().random()) | 1u; // never 0
+    auto over = links_.table().best(here_.now(), {}).value_or(link_id::xbee);
     auto record = router_.prepare(here_.now(), here_.clock(), request, chosen, who, authority_.now().boat_epoch,
-                                  here_.self.path());
+                                  here_.self.path(), over);
     if (!record) return record;
     auto put = store_.written(store_->put(std::span(&*record, 1)));
     if (!put)
@@ -188,14 +187,20 @@ ise::task<> node_telecommands::drive(command_router::give what) {
     auto* proxy = links_.proxy(what.link);
     if (!proxy) co_return; // chosen at the other node, whose proxy may have sent it: it is open until it expires
     auto expires =
-        here_.now() + std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(what.request.valid_s));
+        here_.now() + std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(*what.request.valid_s));
     ise::duration pause = 500ms;
+    bool may_be_there = false;
     for (;;) {
+        if (router_.is_called_back(what.id) && !may_be_there) {
+            router_.on_refused(here_.now(), here_.clock(), what.id, what.link, "called back");
+            co_return work();
+        }
         const auto* record = router_.find(what.id);
         auto left = expires - here_.now();
-        if (!record || is_final(record->status.state) || record->node != here_.self.path() || left < 1s) co_return;
-        what.request.valid_s = std::max(1.0f, std::chrono::duration<float>(left).count());
-        auto got = co_await proxy->try_call(services::telecommand, what.request, std::min<ise::duration>(left, 60s));
+        if (!record || is_final(record->status.state) || record->node != here_.self.path() || left < 2s) co_return;
+        auto giving = time_to_give(left);
+        what.request.valid_s = std::chrono::duration<float>(left - giving).count();
+        auto got = co_await proxy->try_call(services::telecommand, what.request, giving);
         if (got && got->state != telecommand_stage::pending) {
             telecommand_status told;
             told.id = what.id;
@@ -204,6 +209,7 @@ ise::task<> node_telecommands::drive(command_router::give what) {
             told.result = got->result;
             told.value = got->value;
             told.boat_obeys = got->boat_obeys;
+            told.executed_at = got->executed_at;
             told.text = got->text;
             on_status(what.link, told);
             co_return;
@@ -213,9 +219,51 @@ ise::task<> node_telecommands::drive(command_router::give what) {
             work();
             co_return;
         }
+        may_be_there = may_be_there || got || got.error().executed() == ise::execution::unknown;
         co_await here_.self.sleep(pause);
         pause = std::min<ise::duration>(pause * 2, 5s);
     }
+}
+
+ise::task<recall_reply> node_telecommands::call_back(recall_request request, std::string who) {
+    recall_reply reply;
+    const auto* record = router_.find(request.id);
+    if (!record) {
+        reply.text = "it is not known here";
+        co_return reply;
+    }
+    if (record->status.asked_by != who)
+        if (auto why = authority_.book().refusal(who)) throw command_refused(*why);
+    if (record->node != here_.self.path() && !is_final(record->status.state))
+        throw command_refused(fmt::format("it is under way at {}: call it back there", record->node));
+    auto kind = record->status.kind;
+    auto have = router_.call_back(here_.clock(), request.id, fmt::format("by {}", who));
+    work();
+    for (auto link : have) {
+        auto* proxy = links_.proxy(link);
+        if (!proxy) continue;
+        recall_request there;
+        there.id = request.id;
+        there.why = fmt::format("by {}", who);
+        auto told = co_await proxy->try_call(services::telecommand_recall, there, 5s);
+        if (!told || !told->state || !is_final(*told->state)) continue;
+        telecommand_status status;
+        status.id = request.id;
+        status.kind = kind;
+        status.state = *told->state;
+        status.text = told->text;
+        // An answer of the boat comes with all that belongs to it by the proxy's own word.
+        if (status.state != telecommand_stage::acknowledged) on_status(link, status);
+    }
+    if (const auto* now = router_.find(request.id)) {
+        reply.state = now->status.state;
+        reply.recalled = now->status.state == telecommand_stage::failed;
+        reply.text =
+            is_final(now->status.state)
+                ? now->status.text
+                : "no further link gets it, but it cannot be called back from where it is: " + now->status.text;
+    }
+    co_return reply;
 }
 
 /// A proxy that is not reached tries on until the validity is over; the boat executes an id once.

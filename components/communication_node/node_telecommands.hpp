@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/recall.hpp>
 #include <components/boat/telecommand_audience.hpp>
 #include <components/communication_node/boat_links.hpp>
 #include <components/communication_node/command_router.hpp>
@@ -38,6 +39,8 @@ public:
     // Services.
     ise::task<telecommand_reply> command(telecommand_request request, std::string who, ise::time_point deadline);
     record_page record(const record_request& request);
+    /// Only by the operator who gave it, or who has the authority.
+    ise::task<recall_reply> call_back(recall_request request, std::string who);
 
 private:
     ise::result<std::optional<command_record>> known(std::uint32_t id);

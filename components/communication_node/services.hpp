@@ -11,6 +11,7 @@ struct command_record {
     std::optional<link_id> via;
     std::string node;                 ///< which one gives it to the links
     std::int64_t asked_steady_ms = 0; ///< `asked_at` by the steady clock of that node; 0: not known
+    std::string called_back;          ///< why no further link gets it; empty: any may
 };
 
 /// A packet of the provider's store.

@@ -186,6 +186,7 @@ void gprs_proxy::on_record(const gprs::record_came& came) {
         return;
     }
     const auto& header = message->header;
+    l.commands.tracker().on_heard(l.commands.now(), header);
     if (!l.seen.first_time(header.boot, header.sequence, came.raw)) {
         ++l.counts.duplicates;
         return;

@@ -8,7 +8,7 @@ namespace atirma::console {
 namespace {
 // As weight_of(telecommand_stage): an answer of the boat is final; any other end may still be corrected by it.
 int weight_of(command_phase phase) {
-    if (phase == command_phase::done || phase == command_phase::refused) return 2;
+    if (phase == command_phase::done || phase == command_phase::refused || phase == command_phase::late) return 2;
     return is_over(phase) ? 1 : 0;
 }
 bool may_follow(command_phase now, command_phase next) {
@@ -23,6 +23,7 @@ command_phase command_log::phase_of(telecommand_stage stage, const std::optional
         case telecommand_stage::queued: return command_phase::queued;
         case telecommand_stage::sent: return command_phase::sent;
         case telecommand_stage::acknowledged:
+            if (result == ack_code::expired) return command_phase::late;
             return result.value_or(ack_code::done) == ack_code::done ? command_phase::done : command_phase::refused;
         case telecommand_stage::failed: return command_phase::failed;
         case telecommand_stage::expired: return command_phase::expired;
@@ -35,6 +36,7 @@ void command_log::asked(command_entry entry) {
     if (auto* known = seek(entry.id)) { // the proxy reported it first
         known->own = true;
         known->what = std::move(entry.what);
+        if (!known->valid_until) known->valid_until = entry.valid_until;
         return;
     }
     add(std::move(entry));
@@ -53,6 +55,8 @@ const command_entry& command_log::on_status(const std::string& path, const telec
         known = &add(std::move(entry));
     }
     if (!status.asked_by.empty()) known->asked_by = status.asked_by;
+    if (status.valid_until) known->valid_until = status.valid_until;
+    if (status.executed_at) known->executed_at = status.executed_at;
     if (status.command && !known->own) known->what = describe(*status.command);
     auto phase = phase_of(status.state, status.result);
     if (!may_follow(known->phase, phase)) return *known;
@@ -75,6 +79,20 @@ void command_log::on_outcome(std::uint32_t id, command_phase phase, std::optiona
     if (value) known->value = value;
     known->text = std::move(text);
     known->changed_at = now;
+}
+
+void command_log::on_executed(std::uint32_t id, utc_time at) {
+    if (auto* known = seek(id)) {
+        shared_.reset();
+        known->executed_at = at;
+    }
+}
+
+void command_log::on_called_back(std::uint32_t id, std::string text) {
+    if (auto* known = seek(id)) {
+        shared_.reset();
+        known->called_back = std::move(text);
+    }
 }
 
 const command_entry* command_log::find(std::uint32_t id) const { return const_cast<command_log*>(this)->seek(id); }

@@ -20,6 +20,8 @@ public:
     /// The outcome of a telecommand given here. One that is over does not change any more, unless the boat answers
     /// late.
     void on_outcome(std::uint32_t id, command_phase phase, std::optional<float> value, std::string text, utc_time now);
+    void on_executed(std::uint32_t id, utc_time at);
+    void on_called_back(std::uint32_t id, std::string text);
     const command_entry* find(std::uint32_t id) const;
     /// The number of telecommands over that proxy that are not over yet.
     std::size_t open(const std::string& path) const;

@@ -99,7 +99,8 @@ void console_state::on_status(const std::string& path, const telecommand_status&
     if (is_over(entry.phase)) parameters_.on_settled(entry.id, entry.phase, entry.value, entry.text, now);
 }
 
-void console_state::asked(std::uint32_t id, const std::string& path, const boat_command& command, utc_time now) {
+void console_state::asked(std::uint32_t id, const std::string& path, const boat_command& command, utc_time now,
+                          std::optional<utc_time> valid_until) {
     command_entry entry;
     entry.id = id;
     entry.path = path;
@@ -107,6 +108,7 @@ void console_state::asked(std::uint32_t id, const std::string& path, const boat_
     entry.what = describe(command);
     entry.own = true;
     entry.asked_at = now;
+    entry.valid_until = valid_until;
     commands_.asked(std::move(entry));
     parameters_.on_asked(id, command);
 }

@@ -1,6 +1,7 @@
 #include <components/gui_client/gui_client.hpp>
 
 #include <components/boat/find_component.hpp>
+#include <components/boat/recall.hpp>
 #include <components/gui_client/mission_control.hpp>
 #include <components/gui_client/node_follower.hpp>
 #include <components/gui_client/provider_search.hpp>
@@ -30,6 +31,7 @@ struct gui_client::parts {
     // What the operator does.
     void act(give_command what) { spawn("telecommand", give(std::move(what))); }
     void act(sail_to what) { spawn("sail to a place", mission.sail(std::move(what))); }
+    void act(const call_back_command& what) { spawn("call back", sender.call_back(what.id)); }
     void act(change_authority what) { spawn("authority", authority.change(std::move(what))); }
     void act(upload_mission what) { mission.upload(std::move(what)); }
     void act(cancel_upload) { mission.cancel(); }
@@ -117,6 +119,7 @@ ise::task<> gui_client::run() {
     require(services::telemetry);
     require(services::telecommand);
     require(services::telecommand_state);
+    require(services::telecommand_recall);
     require(services::xb_local);
     require(services::xb_local_param);
     require(services::authority);

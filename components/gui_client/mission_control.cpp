@@ -1,5 +1,6 @@
 #include <components/gui_client/mission_control.hpp>
 
+#include <components/boat/mission_checksum.hpp>
 #include <components/gui_client/freshness.hpp>
 #include <components/gui_client/leg_check.hpp>
 #include <components/gui_client/words.hpp>
@@ -8,7 +9,6 @@
 
 namespace atirma::console {
 namespace {
-constexpr float upload_valid_s = 300;
 constexpr int read_backs = 3;
 } // namespace
 
@@ -59,7 +59,7 @@ ise::task<> mission_control::run_upload(upload_mission what) {
     if (!trouble.empty()) {
         auto done = context_.state.upload().done;
         show(cancelled_ ? upload_phase::cancelled : upload_phase::failed, done, points.size(), trouble);
-        if (done > 0 || cancelled_) context_.self.spawn("read back", read_back_once(what.via));
+        if (done == points.size()) context_.self.spawn("read back", read_back_once(what.via));
         co_return;
     }
     show(upload_phase::reading_back, points.size(), points.size(), "reads the list back");
@@ -82,29 +82,32 @@ ise::task<> mission_control::run_upload(upload_mission what) {
 /// Returns what went wrong; empty where nothing did. `what` outlives it.
 ise::task<std::string> mission_control::send_points(const upload_mission& what) {
     const auto& points = what.points;
-    show(upload_phase::sending, 0, points.size(), "clears the list");
+    constexpr const char* keeps = "the boat keeps its list";
     give_command one;
     one.via = what.via;
-    one.valid_s = upload_valid_s;
     one.confirmed = true;
     one.over_limits = true; // the whole list was checked
     one.authority = what.authority;
-    one.command = commands::waypoint_clear();
-    auto phase = co_await sender_.execute(one, &cancelled_);
-    if (cancelled_ && !is_over(phase)) co_return "cancelled: whether the boat clears its list is not known yet";
-    if (phase != command_phase::done) co_return fmt::format("the list was not cleared: {}", name_of(phase));
     for (std::size_t i = 0; i < points.size(); ++i) {
-        if (cancelled_) co_return fmt::format("cancelled: the boat has {} of {} waypoints", i, points.size());
+        if (cancelled_) co_return fmt::format("cancelled after {} of {} waypoints: {}", i, points.size(), keeps);
         show(upload_phase::sending, i, points.size(), fmt::format("sends waypoint {} of {}", i + 1, points.size()));
-        one.command = commands::waypoint_add{points[i]};
-        phase = co_await sender_.execute(one, &cancelled_);
+        one.command = commands::mission_stage{static_cast<std::uint8_t>(i), points[i]};
+        auto phase = co_await sender_.execute(one, &cancelled_);
         if (cancelled_ && !is_over(phase))
-            co_return fmt::format("cancelled: the boat has {} of {} waypoints; waypoint {} is under way and may arrive",
-                                  i, points.size(), i + 1);
+            co_return fmt::format("cancelled after {} of {} waypoints: {}", i, points.size(), keeps);
         if (phase != command_phase::done)
-            co_return fmt::format("waypoint {} of {}: {}", i + 1, points.size(), name_of(phase));
+            co_return fmt::format("waypoint {} of {}: {}; {}", i + 1, points.size(), name_of(phase), keeps);
     }
-    co_return std::string();
+    if (cancelled_)
+        co_return fmt::format("cancelled after {} of {} waypoints: {}", points.size(), points.size(), keeps);
+    show(upload_phase::sending, points.size(), points.size(), "tells the boat to use the new list");
+    one.command = commands::mission_switch{static_cast<std::uint8_t>(points.size()), mission_checksum(points)};
+    auto phase = co_await sender_.execute(one, &cancelled_);
+    if (phase == command_phase::done) co_return std::string();
+    bool known = is_over(phase) && phase != command_phase::expired;
+    co_return fmt::format("the switch to the new list: {}; {}", name_of(phase),
+                          known ? keeps
+                                : "whether the boat has the old list or the new one shows when it is read back");
 }
 
 /// True once the boat has reported its whole list again.
@@ -114,7 +117,6 @@ ise::task<bool> mission_control::read_back(std::string via, const bool* stop) {
     auto asked_at = context_.clock();
     give_command one;
     one.via = via;
-    one.valid_s = upload_valid_s;
     one.command = commands::waypoint_read_back();
     auto phase = co_await sender_.execute(std::move(one), stop);
     if (phase != command_phase::done) co_return false;

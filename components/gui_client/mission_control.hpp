@@ -12,8 +12,8 @@ public:
     mission_control(client_context& context, telecommand_sender& sender, ise::duration poll)
         : context_(context), sender_(sender), poll_(poll) {}
 
-    /// Clears the list, adds place by place, reads the list back and compares; the state shows how far it is. One at a
-    /// time.
+    /// Stages place by place, tells the boat to use them, reads the list back and compares; the state shows how far it
+    /// is. Until then the boat keeps its list. One at a time.
     void upload(upload_mission what);
     void cancel();
     /// Puts a place before the active one, and sails there. Cancellation: terminal.

@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -20,12 +21,13 @@ enum class taking : std::uint8_t { no, if_free, from_holder };
 struct give_command {
     boat_command command;
     std::string via;
-    float valid_s = 300;
-    bool confirmed = false;   ///< the operator has confirmed it, if it is dangerous
-    bool over_limits = false; ///< the operator sends it although a leg crosses land or the fence (leg_check.hpp)
+    std::optional<float> valid_s; ///< missing: by kind and link (`default_validity`)
+    bool confirmed = false;       ///< the operator has confirmed it, if it is dangerous
+    bool over_limits = false;     ///< the operator sends it although a leg crosses land or the fence (leg_check.hpp)
     taking authority = taking::no;
 };
-/// Clears the boat's list, adds these, reads the list back and compares. The operator has confirmed it.
+/// Puts these in the place of the boat's list, all or nothing, reads the list back and compares. The operator has
+/// confirmed it.
 struct upload_mission {
     std::vector<waypoint> points;
     std::string via;
@@ -38,6 +40,10 @@ struct sail_to {
     std::string via;
     bool over_limits = false; ///< as in give_command
     taking authority = taking::no;
+};
+/// Calls a telecommand back, as far as it has not left the shore.
+struct call_back_command {
+    std::uint32_t id = 0;
 };
 /// Stops an upload at once. The telecommand in transit may still arrive.
 struct cancel_upload {};
@@ -66,7 +72,7 @@ struct forget_track {};
 
 /// An action of an operator.
 using action = std::variant<give_command, upload_mission, cancel_upload, set_xbee_parameter, acknowledge_alarm,
-                            forget_track, sail_to, change_authority, remember_alarms, set_limits>;
+                            forget_track, sail_to, change_authority, remember_alarms, set_limits, call_back_command>;
 
 /// Connects the windows and the component, which run on different threads: snapshots one way, actions the other.
 /// Neither side waits for the other. Thread-safe; shared by both, and outlives either.

@@ -1,8 +1,10 @@
 #include <components/gui_client/telecommand_sender.hpp>
 
 #include <components/boat/find_component.hpp>
+#include <components/boat/recall.hpp>
 #include <components/gui_client/choose_link.hpp>
 #include <components/gui_client/leg_check.hpp>
+#include <components/gui_client/words.hpp>
 
 #include <fmt/format.h>
 
@@ -27,7 +29,11 @@ ise::task<command_phase> telecommand_sender::execute(give_command what, const bo
     request.command = what.command;
     request.confirmed = what.confirmed;
     auto to = route(what.via, request);
-    context_.state.asked(request.id, to, what.command, context_.clock());
+    auto valid_s = what.valid_s.value_or(default_valid_s(what.command.kind(), what.via));
+    auto valid = std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(valid_s));
+    auto expires = ise::saturating_add(context_.self.now(), valid);
+    context_.state.asked(request.id, to, what.command, context_.clock(),
+                         context_.clock() + std::chrono::floor<std::chrono::milliseconds>(valid));
     context_.news();
     if (auto why = limits_forbid(what); !why.empty()) co_return settle(request.id, command_phase::refused, why);
     if (to.empty()) co_return settle(request.id, command_phase::failed, "no link to the boat was found yet");
@@ -41,9 +47,20 @@ ise::task<command_phase> telecommand_sender::execute(give_command what, const bo
     bool needs_authority = traits_of(what.command.kind()).needs_authority;
     auto refusal = co_await authority_.acquire(needs_authority ? what.authority : taking::no);
     if (!refusal.empty()) co_return settle(request.id, command_phase::refused, refusal);
-    auto valid = std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(what.valid_s));
-    auto expires = ise::saturating_add(context_.self.now(), valid);
-    co_return co_await repeat(std::move(to), std::move(request), expires, stop);
+    auto id = request.id;
+    auto phase = co_await repeat(std::move(to), std::move(request), expires, stop);
+    called_back_.erase(id);
+    co_return phase;
+}
+
+float telecommand_sender::default_valid_s(command_kind kind, const std::string& via) const {
+    const auto& links = context_.state.links();
+    auto path = via;
+    if (auto chosen = links.find(via); via.empty() || (chosen != links.end() && chosen->second.all_links))
+        path = choose_link(links, context_.state.boat().settings, context_.clock());
+    auto found = links.find(path);
+    auto link = found != links.end() && found->second.link ? found->second.link : link_of_path(path);
+    return std::chrono::duration<float>(default_validity(kind, link.value_or(link_id::xbee))).count();
 }
 
 void telecommand_sender::refuse(const give_command& what, std::string why) {
@@ -78,12 +95,15 @@ ise::task<command_phase> telecommand_sender::repeat(std::string to, telecommand_
     bool may_be_executed = false;
     for (;;) {
         auto left = expires - self.now();
-        if (left <= ise::duration()) break;
+        if (left < 2s) break;
+        if (called_back_.contains(request.id) && !may_be_executed)
+            co_return settle(request.id, command_phase::failed, "called back before it left this console");
         if (stop && *stop) co_return command_phase::sent;
-        request.valid_s = std::max(1.0f, std::chrono::duration<float>(left).count());
-        auto deadline = std::min<ise::duration>(left + 1s, max_deadline);
+        auto deadline = std::min(time_to_give(left), max_deadline);
+        request.valid_s = std::chrono::duration<float>(left - deadline).count();
         auto answer = co_await provider.try_call(services::telecommand, request, deadline);
         if (answer) {
+            if (answer->executed_at) context_.state.on_executed(request.id, *answer->executed_at);
             if (is_final(answer->state))
                 co_return settle(request.id, command_log::phase_of(answer->state, answer->result), answer->text,
                                  answer->value);
@@ -106,6 +126,28 @@ ise::task<command_phase> telecommand_sender::repeat(std::string to, telecommand_
                          "its time is over without an answer: it may have been executed");
     co_return settle(request.id, command_phase::failed,
                      "its time is over, and the proxy was not reached: it was not executed");
+}
+
+ise::task<> telecommand_sender::call_back(std::uint32_t id) {
+    const auto* entry = context_.state.commands().find(id);
+    if (!entry || is_over(entry->phase)) co_return;
+    auto say = [this, id](std::string text) {
+        context_.state.on_called_back(id, std::move(text));
+        context_.news();
+    };
+    if (entry->own) called_back_.insert(id);
+    say("is being called back");
+    auto to = context_.role.empty() ? entry->path : context_.role;
+    recall_request request;
+    request.id = id;
+    request.why = "by its operator";
+    auto provider = find_component(context_.self, to);
+    auto told = co_await provider.try_call(services::telecommand_recall, request, max_call);
+    if (!told) say("could not be called back: " + told.error().message());
+    else say(told->text);
+    // An answer of the boat comes with its result.
+    if (told && told->state && is_final(*told->state) && *told->state != telecommand_stage::acknowledged)
+        settle(id, command_log::phase_of(*told->state, std::nullopt), told->text);
 }
 
 command_phase telecommand_sender::settle(std::uint32_t id, command_phase phase, std::string text,

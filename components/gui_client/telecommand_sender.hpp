@@ -4,6 +4,7 @@
 #include <components/gui_client/operator_port.hpp>
 
 #include <optional>
+#include <set>
 #include <string>
 
 namespace atirma::console {
@@ -21,12 +22,15 @@ public:
 
     /// Shows it as refused; it is not sent.
     void refuse(const give_command& what, std::string why);
+    /// Calls one back: asks the node or proxy that has it, and does not ask for it any more. Cancellation: terminal.
+    ise::task<> call_back(std::uint32_t id);
 
 private:
     /// Why it takes an override of the operator; empty: it does not.
     std::string limits_forbid(const give_command& what) const;
     /// The component that gets it; sets `request.via` where the communication nodes choose the link.
     std::string route(const std::string& via, telecommand_request& request) const;
+    float default_valid_s(command_kind kind, const std::string& via) const;
     ise::task<command_phase> repeat(std::string to, telecommand_request request, ise::time_point expires,
                                     const bool* stop);
     command_phase settle(std::uint32_t id, command_phase phase, std::string text,
@@ -35,6 +39,7 @@ private:
     client_context& context_;
     authority_client& authority_;
     std::size_t open_ = 0; ///< not decided yet
+    std::set<std::uint32_t> called_back_;
 };
 
 } // namespace atirma::console

@@ -111,6 +111,7 @@ enum class command_phase : std::uint8_t {
     refused, ///< by the boat or the proxy
     failed,  ///< cannot be sent
     expired, ///< not decided in time: it may have been executed
+    late,    ///< not executed: it reached the boat after its validity
 };
 constexpr bool is_over(command_phase phase) noexcept { return phase >= command_phase::done; }
 /// "asking", "queued"…
@@ -130,6 +131,11 @@ struct command_entry {
     utc_time asked_at{}; ///< or first reported
     utc_time changed_at{};
     std::uint32_t attempts = 0;
+    std::optional<utc_time> valid_until; ///< the boat does not execute it later
+    std::optional<utc_time> executed_at; ///< by the boat's answer
+    std::string called_back;             ///< what became of calling it back; empty: nobody did
+    /// Whether it may be called back: it has not left the shore, as far as is known.
+    bool may_be_called_back() const noexcept { return phase <= command_phase::queued; }
 };
 
 struct raw_packet {

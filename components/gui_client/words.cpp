@@ -104,8 +104,8 @@ void fields(field_list& to, const notice& p) { to.add("text", p.text); }
 } // namespace
 
 std::string_view name_of(command_phase phase) noexcept {
-    static constexpr std::array<std::string_view, 7> names{"asking",  "queued", "sent",   "done",
-                                                           "refused", "failed", "expired"};
+    static constexpr std::array<std::string_view, 8> names{"asking",  "queued", "sent",    "done",
+                                                           "refused", "failed", "expired", "too late"};
     return names[static_cast<std::size_t>(phase) % names.size()];
 }
 

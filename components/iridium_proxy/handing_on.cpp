@@ -18,7 +18,11 @@ void iridium_proxy::take_acknowledgements(const iridium::mo_message& message) {
     auto packets = iridium::unbundle(message.data);
     if (!packets) return; // hand_on() says so
     for (const auto& raw : *packets) {
-        if (classify(raw) != packet_class::acknowledgement) continue;
+        if (classify(raw) != packet_class::acknowledgement) {
+            auto told = parse_telemetry(raw);
+            if (told) state_->commands.tracker().on_heard(state_->commands.now(), told->header);
+            continue;
+        }
         auto ack = parse_acknowledgement(raw);
         if (ack) state_->commands.tracker().on_acknowledgement(state_->commands.now(), *ack);
         else ++state_->counts.malformed;

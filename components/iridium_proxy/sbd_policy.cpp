@@ -27,7 +27,7 @@ std::optional<telecommand_tracker::due> next_within_budget(telecommand_tracker& 
     auto at = civil_tracker_time(now);
     const auto* first = of.first_due(at);
     if (!first) return std::nullopt;
-    auto bytes = encode_telecommand({first->id, now, first->command, first->authority}).size();
+    auto bytes = of.encoded(*first, at).size();
     if (!credits_left || credits_of(bytes, bytes_per_credit) <= *credits_left) return of.next_due(at);
     auto midnight = std::chrono::floor<std::chrono::days>(now) + std::chrono::days(1);
     of.hold(at, civil_tracker_time(midnight).now, "today's budget is spent: it goes on at 00:00 UTC");

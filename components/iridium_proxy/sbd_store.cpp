@@ -10,7 +10,7 @@
 namespace atirma {
 namespace {
 
-constexpr std::array<std::string_view, 3> schema{
+constexpr std::array<std::string_view, 4> schema{
     "CREATE TABLE mo(imei TEXT NOT NULL, momsn INTEGER NOT NULL, session_time INTEGER NOT NULL, path TEXT NOT NULL, "
     "status INTEGER NOT NULL,"
     " mtmsn INTEGER NOT NULL, latitude REAL, longitude REAL, cep_km REAL, data BLOB NOT NULL, received_at INTEGER NOT "
@@ -27,7 +27,8 @@ constexpr std::array<std::string_view, 3> schema{
     " PRIMARY KEY(day, to_boat))",
     "ALTER TABLE mt ADD COLUMN authority INTEGER NOT NULL DEFAULT 0",
     "ALTER TABLE mt ADD COLUMN boat_obeys INTEGER;\n"
-    "CREATE TABLE clock(one INTEGER PRIMARY KEY CHECK(one = 1), ahead INTEGER NOT NULL)"};
+    "CREATE TABLE clock(one INTEGER PRIMARY KEY CHECK(one = 1), ahead INTEGER NOT NULL)",
+    "ALTER TABLE mt ADD COLUMN executed_at INTEGER"};
 
 std::int64_t number(utc_time at) { return at.time_since_epoch().count(); }
 utc_time time_of(std::int64_t ms) { return utc_time(std::chrono::milliseconds(ms)); }
@@ -108,9 +109,10 @@ ise::result<void> sbd_store::published(std::int64_t row) {
 }
 
 ise::result<std::vector<tracked_telecommand>> sbd_store::load() {
-    auto rows = db_.query("SELECT id, command, ordinal, stage, may_have_left, text, result, value, reference, "
-                          "attempts, asked_at, expires_at,"
-                          " changed_at, next_try, authority, boat_obeys FROM mt ORDER BY changed_at DESC LIMIT 1000");
+    auto rows = db_.query(
+        "SELECT id, command, ordinal, stage, may_have_left, text, result, value, reference, "
+        "attempts, asked_at, expires_at,"
+        " changed_at, next_try, authority, boat_obeys, executed_at FROM mt ORDER BY changed_at DESC LIMIT 1000");
     if (!rows) return rows.error();
     std::vector<tracked_telecommand> out;
     for (const auto& row : *rows) {
@@ -136,25 +138,28 @@ ise::result<std::vector<tracked_telecommand>> sbd_store::load() {
         e.next_try = civil_tracker_time(time_of(row.integer(13))).now;
         e.authority = static_cast<std::uint32_t>(row.integer(14));
         if (!row.is_null(15)) e.boat_obeys = static_cast<std::uint32_t>(row.integer(15));
+        e.valid_until = time_of(row.integer(11));
+        if (!row.is_null(16)) e.executed_at = time_of(row.integer(16));
         out.push_back(std::move(e));
     }
     return out;
 }
 
 ise::result<void> sbd_store::save(const tracked_telecommand& e) {
-    database_value result, value, boat_obeys;
+    database_value result, value, boat_obeys, executed_at;
     if (e.result) result = static_cast<std::int64_t>(*e.result);
     if (e.value) value = static_cast<double>(*e.value);
     if (e.boat_obeys) boat_obeys = std::int64_t{*e.boat_obeys};
-    auto done =
-        db_.execute("INSERT OR REPLACE INTO mt(id, command, ordinal, stage, may_have_left, text, result, "
-                    "value, reference, attempts, asked_at,"
-                    " expires_at, changed_at, next_try, authority, boat_obeys)"
-                    " VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                    {std::int64_t{e.id}, ise::to_json(e.command), static_cast<std::int64_t>(e.order),
-                     static_cast<std::int64_t>(e.stage), std::int64_t{e.may_have_left}, e.text, result, value,
-                     e.reference, std::int64_t{e.attempts}, number(e.asked_at), number(civil_time_of(e.expires_at)),
-                     number(e.changed_at), number(civil_time_of(e.next_try)), std::int64_t{e.authority}, boat_obeys});
+    if (e.executed_at) executed_at = number(*e.executed_at);
+    auto done = db_.execute("INSERT OR REPLACE INTO mt(id, command, ordinal, stage, may_have_left, text, result, "
+                            "value, reference, attempts, asked_at,"
+                            " expires_at, changed_at, next_try, authority, boat_obeys, executed_at)"
+                            " VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                            {std::int64_t{e.id}, ise::to_json(e.command), static_cast<std::int64_t>(e.order),
+                             static_cast<std::int64_t>(e.stage), std::int64_t{e.may_have_left}, e.text, result, value,
+                             e.reference, std::int64_t{e.attempts}, number(e.asked_at),
+                             number(civil_time_of(e.expires_at)), number(e.changed_at),
+                             number(civil_time_of(e.next_try)), std::int64_t{e.authority}, boat_obeys, executed_at});
     if (!done) return done.error();
     return {};
 }

@@ -173,6 +173,7 @@ void xbee_proxy::on_packet(const xbee::packet_received& packet) {
         return;
     }
     r.heard_from = packet.source;
+    r.commands.tracker().on_heard(r.commands.now(), message->header);
     packet_name name(message->header.boot, message->header.sequence);
     if (r.unkept.size() >= max_unkept) return; // without a receipt it comes again
     if (!r.seen.first_time(name.first, name.second, packet.payload)) {

@@ -17,6 +17,7 @@ inline atirma::telecommand_request set_mode(std::uint32_t id, atirma::sailing_mo
     atirma::telecommand_request request;
     request.id = id;
     request.command = atirma::commands::set_mode{mode};
+    request.valid_s = 300;
     return request;
 }
 

@@ -26,22 +26,20 @@ TEST_CASE("console: a mission is uploaded, read back and compared, also over los
     CHECK(console.see()->upload.done == triangle.size());
 }
 
-TEST_CASE("console: an upload is cancelled between two waypoints, and says what the boat has") {
+TEST_CASE("console: an upload is cancelled between two waypoints, and the boat keeps its list") {
     sea it;
     desk console(it.world, "desk", at_the_proxy());
     REQUIRE(it.until([&] { return works(console); }));
+    const auto before = it.boat().pilot().list();
     upload_mission mission;
     mission.points = triangle;
     REQUIRE(console.port->act(mission));
     REQUIRE(it.until([&] { return console.see()->upload.done == 1; }, 10min));
     REQUIRE(console.port->act(cancel_upload()));
     REQUIRE(it.until([&] { return console.see()->upload.phase == upload_phase::cancelled; }, 10min));
-    CHECK(console.see()->upload.text.find("of 4 waypoints") != std::string::npos);
+    CHECK(console.see()->upload.text.find("of 4 waypoints: the boat keeps its list") != std::string::npos);
     it.world.run_for(10s); // what was under way has arrived, or has not
-    auto sent = it.boat().pilot().list().size();
-    CHECK(sent < triangle.size());
-    REQUIRE(it.until([&] { return console.see()->mission.complete && console.see()->mission.points.size() == sent; },
-                     5min));
+    CHECK(same(it.boat().pilot().list(), before));
 }
 
 TEST_CASE("console: an upload that hangs on a dead link is cancelled at once, and the next one is taken") {
@@ -65,11 +63,87 @@ TEST_CASE("console: an upload that hangs on a dead link is cancelled at once, an
     REQUIRE(is_running(console.see()->upload.phase)); // it waits for the boat
     REQUIRE(console.port->act(cancel_upload()));
     REQUIRE(it.until([&] { return console.see()->upload.phase == upload_phase::cancelled; }, 10s));
-    CHECK(console.see()->upload.text.find("not known yet") != std::string::npos);
+    CHECK(console.see()->upload.text.find("the boat keeps its list") != std::string::npos);
     air(true);
     REQUIRE(console.port->act(mission));
     REQUIRE(it.until([&] { return console.see()->upload.phase == upload_phase::verified; }, 30min));
     CHECK(same(it.boat().pilot().list(), triangle));
+}
+
+TEST_CASE("console: an upload whose link dies after any waypoint leaves the boat its list, or the whole new one") {
+    auto dies_after = GENERATE(0u, 2u, 4u);
+    sea it;
+    desk console(it.world, "desk", at_the_proxy());
+    REQUIRE(it.until([&] { return works(console); }));
+    const auto before = it.boat().pilot().list();
+    upload_mission mission;
+    mission.points = triangle;
+    REQUIRE(console.port->act(mission));
+    REQUIRE(it.until(
+        [&] { return is_running(console.see()->upload.phase) && console.see()->upload.done == dies_after; }, 10min));
+    it.user([](ise::component& self) -> ise::task<> {
+        xbee_air_request change;
+        change.up = false;
+        auto there = sea::air(self);
+        co_await there.call(services::air_control, change, 5s);
+    });
+    REQUIRE(it.until([&] { return !is_running(console.see()->upload.phase); }, 30min));
+    CHECK(console.see()->upload.phase == upload_phase::failed);
+    auto list = it.boat().pilot().list();
+    CHECK((same(list, before) || same(list, triangle)));
+    if (dies_after < triangle.size()) CHECK(same(list, before));
+}
+
+TEST_CASE("console: a command that waits for a dead link is called back, and the boat never executes it") {
+    sea it;
+    desk console(it.world, "desk", at_the_proxy());
+    REQUIRE(it.until([&] { return works(console); }));
+    it.boat_process().crash();
+    it.world.run_for(5s);
+    it.user([](ise::component& self) -> ise::task<> {
+        xbee_air_request change;
+        change.up = false;
+        auto there = sea::air(self);
+        co_await there.call(services::air_control, change, 5s);
+    });
+    it.world.run_for(5s);
+    auto hold = set_mode(sailing_mode::hold);
+    hold.valid_s = 600;
+    REQUIRE(console.port->act(hold));
+    REQUIRE(it.until([&] { return console.last_command() && console.last_command()->phase >= command_phase::queued; }));
+    CHECK(console.last_command()->valid_until);
+    REQUIRE(console.port->act(call_back_command{console.last_command()->id}));
+    REQUIRE(it.until([&] { return is_over(console.last_command()->phase); }, 1min));
+    CHECK_FALSE(console.last_command()->called_back.empty());
+    CHECK(console.last_command()->phase != command_phase::done);
+}
+
+TEST_CASE("console: a command that the link keeps beyond its time is not executed by the boat") {
+    sea it;
+    desk console(it.world, "desk", at_the_proxy());
+    REQUIRE(it.until([&] { return works(console); }));
+    auto air = [&](bool up) {
+        it.user([up](ise::component& self) -> ise::task<> {
+            xbee_air_request change;
+            change.up = up;
+            auto there = sea::air(self);
+            co_await there.call(services::air_control, change, 5s);
+        });
+    };
+    air(false);
+    it.world.run_for(5s);
+    auto hold = set_mode(sailing_mode::hold);
+    hold.valid_s = 20;
+    REQUIRE(console.port->act(hold));
+    it.world.run_for(60s);
+    air(true);
+    it.world.run_for(60s);
+    CHECK(it.boat().pilot().mode() == sailing_mode::automatic);
+    CHECK(is_over(console.last_command()->phase));
+    REQUIRE(console.port->act(set_mode(sailing_mode::hold)));
+    REQUIRE(it.until([&] { return console.last_command()->phase == command_phase::done; }, 2min));
+    REQUIRE(console.last_command()->executed_at);
+    CHECK(*console.last_command()->executed_at <= console.last_command()->changed_at);
 }
 
 TEST_CASE("console: the boat is sent to a place, and goes on with its list afterwards") {

@@ -63,6 +63,7 @@ inline gui_client_options at_the_proxy() {
 inline give_command set_mode(sailing_mode mode) {
     give_command made;
     made.command = commands::set_mode{mode};
+    made.valid_s = 300;
     return made;
 }
 

@@ -11,6 +11,7 @@
 
 #include <fmt/format.h>
 
+#include <chrono>
 #include <cmath>
 
 namespace packets_test {
@@ -93,6 +94,8 @@ std::vector<recorded_telecommand> all_commands() {
         {told(request_status()), "01400000F50300007B98F73E5D010DE3E5"},
         {told(reboot()), "01400000F60300007B98F73E5D010E7AAD"},
         {told(emergency_beacon{false}), "01400000F70300007B98F73E5D010F00032E"},
+        {told(mission_stage{4, point}), "01400000F80300007B98F73E5D01100400E0C8104036CAF68796"},
+        {told(mission_switch{5, 0x01020304}), "01400000F90300007B98F73E5D01110504030201E841"},
     };
 }
 
@@ -240,6 +243,37 @@ TEST_CASE("a telecommand under authority carries its epoch, and one without is w
     }
 }
 
+TEST_CASE("a telecommand that is valid for a time says so, in hundredths of a second, and by which clock") {
+    auto hold = told(commands::set_mode{sailing_mode::return_home});
+    hold.authority = 0x01020304;
+    hold.valid_for = std::chrono::minutes(1);
+    hold.clock_of = 513;
+    CHECK(hex(encode_telecommand(hold)) == "01450102E90300007B98F73E5D01040302017017000103271F");
+    for (auto [command, recorded] : all_commands()) {
+        CAPTURE(name_of(command.command.kind()));
+        command.valid_for = std::chrono::milliseconds(86'400'000);
+        command.authority = 7;
+        command.clock_of = 65535;
+        auto raw = encode_telecommand(command);
+        CHECK(raw.size() <= 34); // sealed it has 12 bytes more
+        CHECK(classify(raw) == packet_class::telecommand);
+        auto back = parse_telecommand(raw);
+        REQUIRE(back);
+        CHECK(*back == command);
+        for (std::size_t i = 0; i < raw.size(); ++i) {
+            auto bad = raw;
+            flip(bad, i);
+            CHECK_FALSE(parse_telecommand(bad));
+        }
+    }
+    hold.valid_for = std::chrono::milliseconds(1239); // never longer than it was given
+    CHECK(parse_telecommand(encode_telecommand(hold))->valid_for == std::chrono::milliseconds(1230));
+    hold.valid_for = std::chrono::milliseconds(-5);
+    CHECK(parse_telecommand(encode_telecommand(hold))->valid_for == std::chrono::milliseconds(0));
+    hold.valid_for = std::chrono::hours(1000);
+    CHECK(parse_telecommand(encode_telecommand(hold))->valid_for == telecommand::max_valid_for);
+}
+
 TEST_CASE("an acknowledgement carries the epoch that the boat obeys as a number, and one of a boat without is what it "
           "always was") {
     acknowledgement ack;
@@ -273,6 +307,8 @@ TEST_CASE("what only asks needs no authority, and what can lose the boat is dang
     for (auto bad : {reboot, emergency_beacon, waypoint_clear, set_mode})
         CHECK_FALSE(boat_command(bad).danger().empty());
     CHECK(boat_command(commands::set_mode{sailing_mode::hold}).danger().empty());
+    CHECK(boat_command(commands::mission_switch{3, 1}).danger().empty());
+    CHECK_FALSE(boat_command(commands::mission_switch()).danger().empty()); // to no list at all
     CHECK(boat_command().danger().empty());
 }
 

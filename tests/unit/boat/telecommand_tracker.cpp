@@ -177,7 +177,7 @@ TEST_CASE("a telecommand reads naturally as JSON") {
     auto request = ise::from_json<telecommand_request>(R"({"id":7,"command":{"kind":"set_mode","mode":"hold"}})");
     CHECK(request.id == 7);
     CHECK(request.command == boat_command(commands::set_mode{sailing_mode::hold}));
-    CHECK(request.valid_s == 300);
+    CHECK_FALSE(request.valid_s); // by kind and link
     auto add = ise::from_json<telecommand_request>(
         R"({"command":{"kind":"waypoint_add","point":{"latitude_deg":28.15,"longitude_deg":-15.45}}})");
     CHECK(add.command == boat_command(commands::waypoint_add{{28.15, -15.45}}));
@@ -317,6 +317,99 @@ TEST_CASE("telecommand tracker: what a link has in its hand when the validity en
     it.book.on_time(it.at());
     CHECK_THAT(it.book.find(1)->text, Catch::Contains("may have been executed"));
     CHECK_THAT(it.book.find(2)->text, Catch::Contains("before it could be sent"));
+}
+
+TEST_CASE("telecommand tracker: the default validity is by kind and link, and the earlier of two ends counts") {
+    telecommand_request request;
+    request.command = commands::tack_now();
+    utc_time now(std::chrono::hours(400'000));
+    CHECK(validity_of(request, now, link_id::xbee) == 30s);
+    CHECK(validity_of(request, now, link_id::iridium) == 900s);
+    request.command = commands::set_mode{sailing_mode::hold};
+    CHECK(validity_of(request, now, link_id::gprs) == 60s);
+    request.valid_s = 20;
+    CHECK(validity_of(request, now, link_id::gprs) == 20s);
+    request.valid_until = now + 5s;
+    CHECK(validity_of(request, now, link_id::gprs) == 5s);
+    request.valid_s.reset();
+    request.valid_until = now + 2h;
+    CHECK(validity_of(request, now, link_id::gprs) == 2h);
+    request.valid_until = now + 48h;
+    CHECK(validity_of(request, now, link_id::gprs) == 24h);
+    request.valid_until = now;
+    CHECK_FALSE(validity_of(request, now, link_id::gprs));
+    desk it;
+    request.valid_until = it.wall - 1s;
+    auto refused = it.book.submit(it.at(), request, 77);
+    REQUIRE_FALSE(refused);
+    CHECK_THAT(refused.error().message(), Catch::Contains("its validity ended at"));
+    CHECK(it.book.open_count() == 0);
+}
+
+TEST_CASE("telecommand tracker: each attempt says how long it is still valid") {
+    desk it;
+    it.ask(5, command_kind::tack_now, 60);
+    auto first = parse_telecommand(it.due()->raw).value();
+    CHECK(first.valid_for == 60s);
+    CHECK(first.sent_at == it.wall);
+    CHECK(first.clock_of == 0);
+    it.outcome(5, link_outcome::kind::delivered);
+    it.pass(16s);
+    auto again = it.due();
+    REQUIRE(again);
+    CHECK(parse_telecommand(again->raw)->valid_for == 44s);
+    CHECK(again->remaining == 44s);
+    CHECK(status_of(*it.book.find(5), link_id::xbee).valid_until == it.wall + 44s);
+}
+
+TEST_CASE(
+    "telecommand tracker: a boat that finds late what is not gets it again by its own clock, three times at most") {
+    desk it;
+    it.ask(5, command_kind::tack_now, 60);
+    packet_header header;
+    header.boot = 9;
+    auto expired = [&] {
+        acknowledgement ack;
+        header.measured_at = it.wall - 4min; // as its clock shows
+        ack.header = header;
+        ack.id = 5;
+        ack.kind = command_kind::tack_now;
+        ack.code = ack_code::expired;
+        ack.text = "its clock is not set by GPS, and UTC was given";
+        return it.book.on_acknowledgement(it.at(), ack);
+    };
+    for (int i = 0; i < 3; ++i) {
+        auto sent = it.due();
+        REQUIRE(sent);
+        auto told = parse_telecommand(sent->raw).value();
+        CHECK(told.clock_of == (i == 0 ? 0 : 9));
+        if (i > 0) CHECK(told.sent_at <= it.wall - 4min);
+        it.outcome(5, link_outcome::kind::delivered);
+        it.pass(1s);
+        CHECK(expired());
+        CHECK(it.stage(5) == telecommand_stage::sent);
+    }
+    REQUIRE(it.due());
+    it.outcome(5, link_outcome::kind::delivered);
+    CHECK(expired());
+    CHECK(it.stage(5) == telecommand_stage::acknowledged);
+    CHECK(it.book.find(5)->result == ack_code::expired);
+    CHECK_FALSE(it.book.find(5)->executed_at);
+}
+
+TEST_CASE("telecommand tracker: it says when the boat executed what it answers") {
+    desk it;
+    it.ask(5, command_kind::tack_now, 600);
+    REQUIRE(it.due());
+    it.outcome(5, link_outcome::kind::delivered);
+    it.pass(100s);
+    acknowledgement ack;
+    ack.header.boot = 3;
+    ack.header.measured_at = it.wall - 40s; // the answer was long on its way
+    ack.id = 5;
+    ack.kind = command_kind::tack_now;
+    CHECK(it.book.on_acknowledgement(it.at(), ack));
+    CHECK(status_of(*it.book.find(5), link_id::xbee).executed_at == it.wall - 40s);
 }
 
 } // namespace telecommand_tracker_test

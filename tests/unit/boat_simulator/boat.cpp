@@ -36,6 +36,8 @@ telecommand command(std::uint32_t id, boat_command what) {
     telecommand c;
     c.id = id;
     c.command = std::move(what);
+    c.sent_at = utc_time(1'500'000'000'000ms);
+    c.valid_for = 24h;
     return c;
 }
 

@@ -100,7 +100,7 @@ TEST_CASE(
     REQUIRE(second);
     CHECK(second->link == gprs);
     CHECK(second->request.id == 5);
-    CHECK(second->request.valid_s == Approx(279));
+    CHECK(*second->request.valid_s == Approx(279));
     it.pass(31s);
     CHECK_FALSE(it.give()); // over Iridium nothing was heard: no use
     it.there(iridium);
@@ -304,6 +304,57 @@ TEST_CASE("peer watch: packets are shown when both disks have them, or the other
     CHECK_FALSE(it.lives(begin + 5s));
     CHECK_FALSE(it.silent(begin + 5s));
     CHECK(it.shown(10, begin + 5s) == 10);
+}
+
+TEST_CASE("router: what no link has yet is called back at once, and what links have when they have given it up") {
+    table it;
+    it.begin(table::request(1));
+    CHECK(it.status(1).valid_until == it.wall + 300s);
+    CHECK(it.desk.call_back(it.wall, 1, "by ana").empty());
+    CHECK(it.status(1).state == telecommand_stage::failed);
+    CHECK(it.status(1).text == "called back before it was sent (by ana)");
+    it.there(xbee);
+    it.there(gprs);
+    CHECK_FALSE(it.give());
+    it.begin(table::request(2));
+    REQUIRE(it.give());
+    CHECK(it.desk.call_back(it.wall, 2, "by ana") == std::vector{xbee});
+    CHECK(it.desk.is_called_back(2));
+    it.pass(25s);
+    it.there(gprs);
+    CHECK_FALSE(it.give()); // no further link
+    it.desk.on_status(it.wall, xbee, it.says(2, telecommand_stage::failed, "called back before it was sent"));
+    CHECK(it.status(2).state == telecommand_stage::failed);
+    it.begin(table::request(3));
+    REQUIRE(it.give());
+    it.desk.on_status(it.wall, xbee, it.says(3, telecommand_stage::sent));
+    CHECK(it.desk.call_back(it.wall, 3, "by ana") == std::vector{xbee});
+    CHECK_FALSE(is_final(it.status(3).state));
+    it.desk.on_status(it.wall, xbee, it.says(3, telecommand_stage::expired, "it may have arrived"));
+    CHECK(it.status(3).state == telecommand_stage::expired);
+    CHECK_THAT(it.status(3).text, Catch::Contains("it may have been executed"));
+    it.begin(table::request(4));
+    REQUIRE(it.give());
+    it.desk.call_back(it.wall, 4, "by ana");
+    it.desk.on_status(it.wall, xbee, it.says(4, telecommand_stage::acknowledged)); // it was executed in time
+    CHECK(it.status(4).state == telecommand_stage::acknowledged);
+    CHECK(it.desk.call_back(it.wall, 4, "by ana").empty());
+    CHECK(it.status(4).state == telecommand_stage::acknowledged);
+}
+
+TEST_CASE("router: a telecommand whose time was over before it came is refused with both times") {
+    table it;
+    auto late = table::request(1);
+    late.valid_until = it.wall - 5min;
+    auto refused = it.desk.prepare(it.now, it.wall, late, 77, "ana", 4, "node");
+    REQUIRE_FALSE(refused);
+    CHECK_THAT(refused.error().message(), Catch::Contains("is the clock there right?"));
+    auto usual = table::request(2);
+    usual.valid_s.reset();
+    CHECK(it.desk.prepare(it.now, it.wall, usual, 77, "ana", 4, "node", iridium)->valid_until == it.wall + 900s);
+    CHECK(it.desk.prepare(it.now, it.wall, usual, 77, "ana", 4, "node", xbee)->valid_until == it.wall + 30s);
+    usual.via = iridium;
+    CHECK(it.desk.prepare(it.now, it.wall, usual, 77, "ana", 4, "node", xbee)->valid_until == it.wall + 900s);
 }
 
 } // namespace command_desk_test

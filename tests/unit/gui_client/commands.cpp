@@ -191,4 +191,29 @@ TEST_CASE("console: commands and packets in words") {
     CHECK(hex_dump({}).empty());
 }
 
+TEST_CASE("console: a telecommand has its end, its execution, and says where the boat found it late") {
+    console_state state;
+    boat_command hold = commands::set_mode{sailing_mode::hold};
+    state.asked(5, xbee_path, hold, t0, t0 + 60s);
+    auto entry = [&] { return state.view(t0)->commands->front(); };
+    CHECK(entry().valid_until == t0 + 60s);
+    CHECK(entry().may_be_called_back());
+    auto told = status(5, telecommand_stage::sent);
+    told.valid_until = t0 + 58s; // as the node has it
+    state.on_status(xbee_path, told, t0 + 1s);
+    CHECK(entry().valid_until == t0 + 58s);
+    CHECK_FALSE(entry().may_be_called_back());
+    state.on_called_back(5, "it is on its way");
+    CHECK(entry().called_back == "it is on its way");
+    told = status(5, telecommand_stage::acknowledged, ack_code::done, "hold");
+    told.executed_at = t0 + 30s;
+    state.on_status(xbee_path, told, t0 + 40s);
+    CHECK(entry().phase == command_phase::done);
+    CHECK(entry().executed_at == t0 + 30s);
+    state.on_status(xbee_path, status(6, telecommand_stage::acknowledged, ack_code::expired, "was valid until"), t0);
+    CHECK(state.commands().find(6)->phase == command_phase::late);
+    CHECK(name_of(command_phase::late) == "too late");
+    CHECK(is_over(command_phase::late));
+}
+
 } // namespace commands_test
