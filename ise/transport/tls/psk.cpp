@@ -61,7 +61,7 @@ int find(SSL* tls, const unsigned char* name, std::size_t size, SSL_SESSION** se
     return *session ? 1 : 0;
 }
 
-failure refused_by_peer(int alert) {
+failure key_refused_by_peer(int alert) {
     switch (alert) {
         case SSL_AD_ILLEGAL_PARAMETER:
         case SSL_AD_DECRYPT_ERROR:
@@ -118,7 +118,7 @@ failure psk_failure_noted() {
     ERR_clear_error();
     int reason = ERR_GET_REASON(code);
     if (code != 0 && ERR_GET_LIB(code) == ERR_LIB_SSL) {
-        if (reason >= SSL_AD_REASON_OFFSET) return refused_by_peer(reason - SSL_AD_REASON_OFFSET);
+        if (reason >= SSL_AD_REASON_OFFSET) return key_refused_by_peer(reason - SSL_AD_REASON_OFFSET);
         switch (reason) {
             case SSL_R_BINDER_DOES_NOT_VERIFY: return {errc::unauthorized, "the shared key here is another one"};
             case SSL_R_CERTIFICATE_VERIFY_FAILED:
