@@ -238,7 +238,7 @@ void voyage::sail() {
         if (options_.on_progress) options_.on_progress(part);
     };
     while (world_.elapsed() < options_.length) {
-        world_.run_for(std::min<ise::duration>(1min, options_.length - world_.elapsed()));
+        world_.run_for(std::min<ise::duration>(10s, options_.length - world_.elapsed()));
         tell(static_cast<double>(world_.elapsed().count()) / static_cast<double>(options_.length.count()));
     }
     auto ended = world_.elapsed();

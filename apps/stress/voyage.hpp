@@ -30,7 +30,7 @@ struct voyage_options {
     /// Called with each sample, for what only this machine can measure; `tracks`: bytes that the
     /// consoles' tracks take.
     std::function<void(const sample& taken, std::size_t tracks)> on_sample;
-    /// Called after each virtual minute, and while everybody waits for what was owed at the end; 0 to 1.
+    /// Called after every ten virtual seconds, and while everybody waits for what was owed at the end; 0 to 1.
     std::function<void(double part)> on_progress;
 };
 
