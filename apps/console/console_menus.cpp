@@ -91,6 +91,22 @@ void console_window::make_menus() {
     add(boat, tr("Emergency &beacon on…"), {}, [this] { actions_.give(commands::emergency_beacon{true}); });
     add(boat, tr("Emergency beacon o&ff…"), {}, [this] { actions_.give(commands::emergency_beacon{false}); });
     add(boat, tr("&Reboot…"), {}, [this] { actions_.give(commands::reboot()); });
+    auto* validity = boat->addMenu(tr("&Validity of commands"));
+    auto* times = new QActionGroup(this);
+    for (auto [words, seconds] : {std::pair{tr("Usual time"), 0},
+                                  {tr("30 s"), 30},
+                                  {tr("2 min"), 120},
+                                  {tr("10 min"), 600},
+                                  {tr("1 h"), 3600},
+                                  {tr("6 h"), 21600}}) {
+        auto* one = validity->addAction(words);
+        one->setCheckable(true);
+        one->setChecked(seconds == 0);
+        times->addAction(one);
+        connect(one, &QAction::triggered, this, [this, s = seconds] {
+            actions_.choose_validity(s == 0 ? std::nullopt : std::optional(static_cast<float>(s)));
+        });
+    }
     auto* all = boat->addMenu(tr("A&ll telecommands"));
     all->setToolTipsVisible(true);
     for_each_telecommand([&]<class C>(const C& preset) {

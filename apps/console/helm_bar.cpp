@@ -64,19 +64,6 @@ helm_bar::helm_bar(operator_actions& actions, QWidget* parent) : QWidget(parent)
     connect(link_, &QComboBox::activated, this,
             [this](int index) { actions_.choose_link(link_->itemData(index).toString().toStdString()); });
     row->addWidget(link_);
-    valid_ = new choice_box(this);
-    valid_->setObjectName("validity_choice");
-    valid_->setToolTip(tr("How long commands are valid: the boat executes a command within this time, or never"));
-    valid_->setAccessibleName(tr("How long commands are valid"));
-    valid_->addItem(tr("Usual time"), 0);
-    for (auto [words, seconds] :
-         {std::pair{tr("30 s"), 30}, {tr("2 min"), 120}, {tr("10 min"), 600}, {tr("1 h"), 3600}, {tr("6 h"), 21600}})
-        valid_->addItem(words, seconds);
-    connect(valid_, &QComboBox::activated, this, [this](int index) {
-        auto seconds = valid_->itemData(index).toInt();
-        actions_.choose_validity(seconds == 0 ? std::nullopt : std::optional(static_cast<float>(seconds)));
-    });
-    row->addWidget(valid_);
 }
 
 void helm_bar::show_snapshot(const snapshot& seen, utc_time now) {

@@ -24,7 +24,6 @@ private:
     operator_actions& actions_;
     std::vector<std::pair<sailing_mode, QPushButton*>> modes_;
     QComboBox* link_;
-    QComboBox* valid_;
     QLabel* last_;
 };
 
