@@ -2,6 +2,7 @@
 // ignored.
 #include <ise/transport/shared_key.hpp>
 #include <ise/transport/tls/stream.hpp>
+#include <ise/transport/udp/seal.hpp>
 
 #include <fmt/format.h>
 
@@ -46,4 +47,9 @@ task<result<std::unique_ptr<stream>>> greet(loop&, std::unique_ptr<stream>, std:
 }
 
 } // namespace net::tls
+
+std::unique_ptr<net::udp::seal> net::udp::seal::make(std::shared_ptr<const shared_key>, bool, key_life) {
+    throw std::logic_error("there is no key");
+}
+
 } // namespace ise

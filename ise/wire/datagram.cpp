@@ -13,8 +13,10 @@ std::optional<datagram_view> read_datagram(bytes_view raw) noexcept {
     auto header = read_header(raw.data());
     auto type = static_cast<std::uint8_t>(header.type);
     if (header.length != raw.size() - frame_header::size || header.reserved != 0) return {};
-    if (type < static_cast<std::uint8_t>(datagram_type::open) || type > static_cast<std::uint8_t>(datagram_type::sign))
-        return {};
+    constexpr auto first = static_cast<std::uint8_t>(datagram_type::open),
+                   last = std::uint8_t{15};             // of a sealed channel
+    const bool of_greetings = type == 11 || type == 12; // numbers are those of frames, too
+    if (type < first || type > last || of_greetings) return {};
     datagram_view read;
     read.type = static_cast<datagram_type>(type);
     read.id = header.id;

@@ -81,6 +81,10 @@ in_process::in_process() : real_world(of_streams("inproc://conformance", "")) {
 udp::udp() : real_world(of_datagrams("udp://127.0.0.1:0", "udp://127.0.0.1:0")) {}
 udp6::udp6() : real_world(of_datagrams("udp://[::1]:0", "udp://[::1]:0")) {}
 
+sealed_udp::sealed_udp() : real_world(of_datagrams("udp://127.0.0.1:0", "udp://127.0.0.1:0")) {
+    credentials.key_file = key_file();
+}
+
 virtual_world::virtual_world(column what, const weather& now) : world(std::move(what)), sea_(now.seed) {
     has.heartbeat_ns = 5'000'000'000; // lost packets are late ones there
     auto& between = sea_.net().between("boat", "shore");
@@ -101,6 +105,12 @@ virtual_tls::virtual_tls(const weather& now)
 }
 virtual_udp::virtual_udp(const weather& now)
     : virtual_world(of_datagrams("udp://10.0.0.1:7400", "udp://10.0.0.1:7500"), now) {}
+
+virtual_sealed_udp::virtual_sealed_udp(const weather& now)
+    : virtual_world(of_datagrams("udp://10.0.0.1:7400", "udp://10.0.0.1:7500"), now) {
+    for (const char* host : {"boat", "shore"}) sea_.host(host).write_file("key", std::string(64, 'k'));
+    credentials.key_file = "key";
+}
 
 std::vector<weather> all_weathers() {
     std::vector<weather> made;

@@ -101,6 +101,9 @@ struct udp : real_world {
 struct udp6 : real_world {
     udp6();
 };
+struct sealed_udp : real_world {
+    sealed_udp();
+};
 
 /// The virtual network between the two hosts.
 struct weather {
@@ -142,6 +145,9 @@ struct virtual_tls : virtual_world {
 };
 struct virtual_udp : virtual_world {
     explicit virtual_udp(const weather& now = {});
+};
+struct virtual_sealed_udp : virtual_world {
+    explicit virtual_sealed_udp(const weather& now = {});
 };
 
 } // namespace conformance

@@ -2,24 +2,40 @@
 
 #include <ise/core/environment.hpp>
 
+#include <ise/packet/codec.hpp>
+#include <ise/transport/tls/psk.hpp>
+#include <ise/wire/body.hpp>
+#include <ise/wire/frame.hpp>
+#include <ise/wire/messages.hpp>
+#include <ise/wire/sealed_datagram.hpp>
+
 #include <asio/error.hpp>
+
+#include <string_view>
 
 namespace ise::net::udp {
 namespace {
 
 constexpr int max_at_once = 64; // datagrams of one flush; others get their turn
 constexpr duration until_the_kernel_has_room = std::chrono::milliseconds(1);
+constexpr duration first_flight_pause = std::chrono::milliseconds(200);
+constexpr duration max_flight_pause = std::chrono::seconds(2);
+
+wire::datagram_type type_of(bytes_view datagram) noexcept {
+    return static_cast<wire::datagram_type>(wire::read_header(datagram.data()).type);
+}
 
 } // namespace
 
 association::association(loop& on, std::shared_ptr<association_port> of, std::uint64_t id, std::uint64_t peer_id,
-                         endpoint peer)
-    : on_(on), port_(std::move(of)), id_(id), first_peer_(peer), peer_(std::move(peer)), channel_(peer_id),
-      timer_(on, [this] { on_timer(); }), readable_(on,
-                                                    [this] {
-                                                        cancelled_ = true;
-                                                        readable_.resume();
-                                                    }),
+                         endpoint peer, std::unique_ptr<seal> with)
+    : on_(on), port_(std::move(of)), id_(id), first_peer_(peer), peer_(std::move(peer)), seal_(std::move(with)),
+      channel_(peer_id, seal_ ? wire::sealed::seal_bytes : 0), timer_(on, [this] { on_timer(); }),
+      readable_(on,
+                [this] {
+                    cancelled_ = true;
+                    readable_.resume();
+                }),
       writable_(on, [this] {
           cancelled_ = true;
           writable_.resume();
@@ -43,12 +59,99 @@ void association::hand_over(datagram_stream::user& receiver) {
     if (!gone_ && in.room_grew()) soon(); // the peer may send more
 }
 
-void association::on_datagram(const endpoint& from, bytes_view body) {
+void association::begin() {
+    calls_ = true;
+    if (!seal_) return;
+    if (seal_->trouble()) return fail(*seal_->trouble());
+    send_flight();
+}
+
+// The side that calls asks again until it is answered; the other one answers.
+void association::send_flight() {
+    auto said = seal_->flight();
+    if (said.empty()) return;
+    buffer out(wire::datagram_bytes);
+    wire::put_datagram(out, wire::sealed::flight, channel_.peer_id(), said);
+    port_->send(peer_, out.view());
+    if (!calls_) return;
+    flight_pause_ = flight_pause_ == duration() ? first_flight_pause : std::min(flight_pause_ * 2, max_flight_pause);
+    flight_at_ = on_.now() + flight_pause_;
+    rearm();
+}
+
+void association::on_flight(const endpoint& from, bytes_view body) {
+    if (from != peer_ || plain_ || gone_) return;
+    if (!seal_) { // it is asked for a seal that it does not know: the answer is one flight
+        if (calls_ || heard_ || body.empty() || body[0] != std::byte{1}) return;
+        auto record = tls::record_of(port_->old_scheme() ? tls::refusal::old_scheme : tls::refusal::no_key);
+        bytes said{std::byte{2}};
+        said.insert(said.end(), record.begin(), record.end());
+        buffer out;
+        wire::put_datagram(out, wire::sealed::flight, channel_.peer_id(), said);
+        port_->send(peer_, out.view());
+        return fail({errc::unauthorized, std::string(tls::why_no_seal(port_->old_scheme()))});
+    }
+    const bool was_sealed = seal_->sealed();
+    if (seal_->take_flight(body)) send_flight();
+    if (seal_->trouble() && !verdict_) return fail(*seal_->trouble());
+    if (seal_->sealed() && !was_sealed) soon();
+}
+
+// There is no session, and its user hears why.
+void association::fail(const failure& why) {
+    verdict_ = why;
+    flight_at_ = time_point::max();
+    readable_.resume();
+    writable_.resume();
+}
+
+// A peer that does not seal is told so in its own words; nothing that it says counts.
+void association::turn_away(bytes_view body) {
+    plain_ = true;
+    channel_.stay_plain();
+    auto text = std::string_view(reinterpret_cast<const char*>(body.data()), body.size());
+    failure why(errc::unauthorized, std::string(tls::why_no_session(text)));
+    wire::farewell no;
+    no.code = static_cast<std::uint8_t>(why.code());
+    no.reason = why.message();
+    buffer out;
+    wire::put_frame(out, wire::frame_type::reject, 0, 0, [&](buffer& to) { encode(no, to); });
+    channel_.out().write(out.view());
+    channel_.out().end();
+    fail(why);
+}
+
+void association::seal_it(buffer& datagram) {
+    if (seal_ && !plain_) seal_->close(datagram, channel_.out().acked(), on_.now());
+}
+
+void association::on_datagram(const endpoint& from, bytes_view datagram) {
+    const bool sealed = type_of(datagram) == wire::sealed::data;
+    const auto received = datagram.subspan(wire::frame_header::size);
+    if (!seal_ || plain_) {
+        if (!sealed) take(from, received);
+        return;
+    }
+    if (sealed) {
+        if (!seal_->sealed() || !channel_.fresh(received)) return;
+        auto body = seal_->open(datagram);
+        if (!body) return;              // somebody else's, or changed on the way
+        flight_at_ = time_point::max(); // the last flight came
+        take(from, *body);
+    } else if (!calls_ && !seal_->begun() && from == peer_) {
+        turn_away(received);
+        take(from, received);
+    }
+}
+
+void association::take(const endpoint& from, bytes_view body) {
     channel::events happened;
     if (!channel_.take(body, on_.now(), happened)) {
         // Duplicates are no reason to do anything, and who breaks a rule is told nothing.
         return;
     }
+    heard_ = true;
+    if (happened.closed && seal_ && !plain_) return on_gone();
     follow(from, happened);
     if (auto receiver = user_.lock()) {
         receiver->on_heard();
@@ -62,15 +165,20 @@ void association::on_datagram(const endpoint& from, bytes_view body) {
     else rearm();
 }
 
-void association::on_sign(const endpoint& from) {
+void association::on_sign(const endpoint& from, bytes_view datagram) {
     if (from != peer_) return;
+    const bool sealed = type_of(datagram) == wire::sealed::sign;
+    if (sealed != (seal_ != nullptr)) return;
+    if (seal_ && (!seal_->sealed() || !seal_->take_sign(datagram))) return;
     if (auto receiver = user_.lock()) receiver->on_sign();
 }
 
 bool association::show_sign() noexcept {
-    buffer out(wire::frame_header::size);
-    wire::put_datagram(out, wire::datagram_type::sign, channel_.peer_id());
+    buffer out(64);
     auto lock = port_->lock();
+    if (!seal_) wire::put_datagram(out, wire::datagram_type::sign, channel_.peer_id());
+    else if (seal_->sealed()) seal_->put_sign(out, channel_.peer_id());
+    else return false;
     return !port_->send(peer_, out.view());
 }
 
@@ -97,17 +205,20 @@ void association::follow(const endpoint& from, const channel::events& happened) 
 void association::send_probe(const endpoint& to, wire::chunk_type type, std::uint64_t value) {
     buffer out(64);
     channel_.put_probe(out, type, value);
+    seal_it(out);
     port_->send(to, out.view());
 }
 
 void association::flush() {
     if (gone_ || on_.abandoned()) return;
+    if (!may_send()) return rearm();
     auto now = on_.now();
     auto& out = port_->scratch();
     bool stuck = false;
     for (int count = 0; count < max_at_once; ++count) {
         out.clear();
         if (!channel_.next(out, now)) break;
+        seal_it(out);
         // What the kernel does not take is lost like anything else, and is sent again.
         stuck = port_->send(peer_, out.view()) == asio::error::would_block;
         if (stuck) break;
@@ -126,7 +237,8 @@ void association::flush() {
 }
 
 void association::rearm() {
-    auto at = channel_.due(on_.now());
+    auto at = may_send() ? channel_.due(on_.now()) : time_point::max();
+    at = std::min(at, flight_at_);
     if (drain_until_) at = std::min(at, *drain_until_);
     if (at == time_point::max()) {
         timer_.disarm();
@@ -137,6 +249,7 @@ void association::rearm() {
 
 void association::on_timer() {
     if (gone_) return;
+    if (flight_at_ <= on_.now()) send_flight();
     channel_.on_timer(on_.now());
     soon();
 }
@@ -145,6 +258,10 @@ std::optional<transfer> association::read(asio::mutable_buffer into) {
     transfer got;
     if (left_ || cancelled_) {
         got.problem = asio::error::operation_aborted;
+        return got;
+    }
+    if (verdict_) {
+        got.problem = asio::error::connection_aborted;
         return got;
     }
     // Who is handed what comes has not kept `into`: what a datagram left that broke a rule comes with the next good
@@ -174,6 +291,7 @@ transfer association::write(std::span<const asio::const_buffer> from) {
 
 std::error_code association::writable() const noexcept {
     if (left_ || cancelled_) return asio::error::operation_aborted;
+    if (verdict_) return asio::error::connection_aborted;
     if (gone_) return asio::error::connection_reset;
     if (channel_.out().ended()) return asio::error::shut_down;
     return channel_.out().writable() ? std::error_code() : asio::error::would_block;
@@ -204,7 +322,7 @@ void association::leave() {
     user_.reset();
     readable_.resume();
     writable_.resume();
-    if (gone_ || on_.abandoned()) return part(false);
+    if (gone_ || on_.abandoned() || !may_send()) return part(false);
     channel_.out().end();
     if (!channel_.out().settled() && port_->lets_drain()) {
         drain_until_ = saturating_add(on_.now(), max_drain);
@@ -217,12 +335,21 @@ void association::leave() {
 
 void association::part(bool tell) {
     if (!std::exchange(gone_, true) && tell) {
-        buffer out(wire::frame_header::size);
-        wire::put_datagram(out, wire::datagram_type::closed, channel_.peer_id());
+        buffer out(64);
+        if (seal_ && !plain_) {
+            channel_.put_probe(out, wire::sealed::closed, 0);
+            seal_it(out);
+        } else {
+            wire::put_datagram(out, wire::datagram_type::closed, channel_.peer_id());
+        }
         port_->send(peer_, out.view());
     }
     timer_.disarm();
     port_->forget(*this);
+}
+
+void association::on_said_gone() {
+    if (!seal_ || plain_) on_gone();
 }
 
 void association::on_gone() {

@@ -3,6 +3,7 @@
 #include <ise/core/waiter.hpp>
 #include <ise/transport/datagram_stream.hpp>
 #include <ise/transport/udp/channel.hpp>
+#include <ise/transport/udp/seal.hpp>
 
 #include <mutex>
 
@@ -21,6 +22,8 @@ public:
     /// Whether a channel may still send what its user has left; until it is forgotten.
     virtual bool lets_drain() noexcept = 0;
     virtual void forget(association& gone) = 0;
+    /// Without a seal: the key is proved by the old scheme here.
+    virtual bool old_scheme() const noexcept = 0;
 
 protected:
     ~association_port() = default;
@@ -33,7 +36,9 @@ public:
     /// How long what was written last is sent again after the user has left.
     static constexpr duration max_drain = std::chrono::seconds(3);
 
-    association(loop& on, std::shared_ptr<association_port> of, std::uint64_t id, std::uint64_t peer_id, endpoint peer);
+    /// `with` seals it; null: it is plain.
+    association(loop& on, std::shared_ptr<association_port> of, std::uint64_t id, std::uint64_t peer_id, endpoint peer,
+                std::unique_ptr<seal> with = nullptr);
 
     std::uint64_t id() const noexcept { return id_; }
     const endpoint& peer() const noexcept { return peer_; }
@@ -44,15 +49,23 @@ public:
     bool drains() const noexcept { return drain_until_.has_value(); }
 
     // For the port, which holds it meanwhile.
-    void on_datagram(const endpoint& from, bytes_view body);
-    void on_sign(const endpoint& from);
-    /// The peer has left, or does not know us any more.
-    void on_gone();
+    /// Of the side that opened it: says the first word.
+    void begin();
+    /// All of a data datagram, plain or sealed.
+    void on_datagram(const endpoint& from, bytes_view datagram);
+    void on_flight(const endpoint& from, bytes_view body);
+    void on_sign(const endpoint& from, bytes_view datagram);
+    /// Somebody says that the peer has left, or does not know us any more; where the channel is sealed that is not
+    /// believed.
+    void on_said_gone();
     /// The port is closed: nothing comes any more.
     void on_port_closed();
     void flush() override;
 
     // For the stream.
+    /// Whether it is clear that there is a session, or that there is none.
+    bool settled() const noexcept { return !seal_ || seal_->sealed() || verdict_; }
+    const std::optional<failure>& verdict() const noexcept { return verdict_; }
     void use(std::weak_ptr<datagram_stream::user> receiver);
     /// Nothing: it is to be waited for.
     std::optional<transfer> read(asio::mutable_buffer into);
@@ -79,6 +92,14 @@ private:
         std::uint64_t challenge = 0;
     };
     void soon() { on_.flush_later(shared_from_this()); }
+    /// What is written may go.
+    bool may_send() const noexcept { return !seal_ || plain_ || seal_->sealed(); }
+    void on_gone();
+    void take(const endpoint& from, bytes_view body);
+    void seal_it(buffer& datagram);
+    void send_flight();
+    void fail(const failure& why);
+    void turn_away(bytes_view body);
     void on_timer();
     void hand_over(datagram_stream::user& receiver);
     void rearm();
@@ -91,6 +112,13 @@ private:
     std::uint64_t id_;
     const endpoint first_peer_;
     endpoint peer_; // changed under the port's lock: signs are sent from another thread
+    std::unique_ptr<seal> seal_;
+    std::optional<failure> verdict_;
+    bool calls_ = false; // this side opened it
+    bool heard_ = false; // data came
+    bool plain_ = false; // though it would be sealed: whoever does not know of that is told
+    time_point flight_at_ = time_point::max();
+    duration flight_pause_{};
     udp::channel channel_;
     std::optional<candidate> candidate_; // an address that the peer seems to have moved to
     std::weak_ptr<datagram_stream::user> user_;

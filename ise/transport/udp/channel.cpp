@@ -1,5 +1,7 @@
 #include <ise/transport/udp/channel.hpp>
 
+#include <ise/wire/sealed_datagram.hpp>
+
 namespace ise::net::udp {
 namespace {
 
@@ -55,6 +57,7 @@ bool channel::take_chunks(wire::chunk_reader& chunks, time_point now, events& ha
     while (auto one = chunks.next()) {
         auto value = read_u64(one->content);
         if (one->type != chunk_type::ack && one->type != chunk_type::room) wants_ack = true; // unknown ones as well
+        if (one->type == wire::sealed::closed) happened.closed = true;
         switch (one->type) {
             case chunk_type::ack:
                 if (!read_ack(one->content, heard_) || !sender_.on_ack(heard_, now)) return false;
@@ -91,9 +94,10 @@ bool channel::next(buffer& out, time_point now) {
     if (!ready && !ack) return false;
     auto start = out.size();
     wire::data_writer writer(out, peer_id_, next_number_);
+    out.grow(seal_bytes_);
     if (ack) receiver_.put_ack(writer, !ready, now);
     bool wants_ack = ready && sender_.fill(writer);
-    if (writer.empty()) {
+    if (out.size() - start == wire::data_head_bytes + seal_bytes_) {
         out.truncate(start);
         return false;
     }
@@ -105,6 +109,7 @@ bool channel::next(buffer& out, time_point now) {
 void channel::put_probe(buffer& out, wire::chunk_type type, std::uint64_t value) {
     auto start = out.size();
     wire::data_writer writer(out, peer_id_, next_number_);
+    out.grow(seal_bytes_);
     writer.put(type, value);
     writer.finish();
     sender_.on_sent(next_number_++, out.size() - start, false, time_point{}); // whoever needs it asks again

@@ -13,10 +13,11 @@ public:
         std::vector<bytes> messages;            ///< whole
         std::optional<std::uint64_t> challenge; ///< to be sent back to where it came from
         std::optional<std::uint64_t> response;  ///< to a challenge of ours
+        bool closed = false;                    ///< the peer has left
     };
 
-    /// `peer_id`: how the peer wants to be addressed.
-    explicit channel(std::uint64_t peer_id) : peer_id_(peer_id) {}
+    /// `peer_id`: how the peer wants to be addressed. `seal_bytes`: room for a seal before the chunks of a datagram.
+    explicit channel(std::uint64_t peer_id, std::size_t seal_bytes = 0) : peer_id_(peer_id), seal_bytes_(seal_bytes) {}
 
     /// Takes the body of a data datagram. False where it counts as not received: a duplicate, or one that breaks a
     /// rule. What stood before that in it is taken, and comes again.
@@ -42,6 +43,8 @@ public:
     receiver& in() noexcept { return receiver_; }
     const receiver& in() const noexcept { return receiver_; }
     std::uint64_t peer_id() const noexcept { return peer_id_; }
+    /// From now on its datagrams have no room for a seal.
+    void stay_plain() noexcept { seal_bytes_ = 0; }
     /// Messages are taken from now on: the other side has shown who it is.
     void take_messages() noexcept { messages_taken_ = true; }
     const incoming_messages& messages() const noexcept { return messages_; }
@@ -51,6 +54,7 @@ private:
     bool take_chunks(wire::chunk_reader& chunks, time_point now, events& happened, bool& wants_ack);
 
     std::uint64_t peer_id_;
+    std::size_t seal_bytes_;
     std::uint64_t next_number_ = 0;
     sender sender_;
     receiver receiver_;

@@ -1,5 +1,8 @@
 #include <ise/transport/udp/port.hpp>
 
+#include <ise/transport/shared_key.hpp>
+#include <ise/wire/sealed_datagram.hpp>
+
 #include <asio/error.hpp>
 
 namespace ise::net::udp {
@@ -12,9 +15,9 @@ constexpr duration lookup_pause = std::chrono::milliseconds(20);
 
 } // namespace
 
-port::port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens)
-    : on_(on), socket_(std::move(socket)), scratch_(wire::datagram_bytes), listens_(listens), accepting_(listens),
-      jar_(on.env()), again_(on, [this] {
+port::port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens, std::shared_ptr<const shared_key> key)
+    : on_(on), socket_(std::move(socket)), scratch_(wire::datagram_bytes), key_(std::move(key)), listens_(listens),
+      accepting_(listens), jar_(on.env()), again_(on, [this] {
           auto problem = ask();
           if (!problem || problem == asio::error::would_block) return;
           dial_problem_ = problem;
@@ -22,6 +25,10 @@ port::port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens)
       }) {}
 
 port::~port() { close(); }
+
+std::unique_ptr<seal> port::make_seal(bool calls) const {
+    return key_ && key_->seals() ? seal::make(key_, calls) : nullptr;
+}
 
 std::uint64_t port::draw_id() {
     for (;;) {
@@ -33,41 +40,28 @@ std::uint64_t port::draw_id() {
 void port::take(const datagram& came) {
     auto received = wire::read_datagram(came.content);
     if (!received || closed_) return;
-    switch (received->type) {
-        case wire::datagram_type::open: on_open(came.peer, *received); break;
-        case wire::datagram_type::cookie:
-        case wire::datagram_type::opened: on_answer(came.peer, *received); break;
-        case wire::datagram_type::data: {
-            auto found = all_.find(received->id);
-            if (found != all_.end()) {
-                auto held = found->second;
-                held->on_datagram(came.peer, received->body);
-            } else if (received->body.size() >= 8) { // never an answer longer than the question
-                buffer out(wire::frame_header::size);
-                wire::put_datagram(out, wire::datagram_type::unknown, received->id);
-                send(came.peer, out.view());
-            }
-            break;
-        }
-        case wire::datagram_type::closed: {
-            auto found = all_.find(received->id);
-            if (found == all_.end()) break;
-            auto held = found->second;
-            held->on_gone();
-            break;
-        }
-        case wire::datagram_type::sign: {
-            auto found = all_.find(received->id);
-            if (found == all_.end()) break;
-            auto held = found->second;
-            held->on_sign(came.peer);
-            break;
-        }
-        case wire::datagram_type::unknown:
-            // Listeners find out by their heartbeats: they do not look through all their peers for a stranger.
-            if (auto held = dialled_; held && held->channel().peer_id() == received->id) held->on_gone();
-            break;
+    const auto type = received->type;
+    if (type == wire::datagram_type::open) return on_open(came.peer, *received);
+    if (type == wire::datagram_type::cookie || type == wire::datagram_type::opened)
+        return on_answer(came.peer, *received);
+    if (type == wire::datagram_type::unknown) {
+        // Listeners find out by their heartbeats: they do not look through all their peers for a stranger.
+        if (auto held = dialled_; held && held->channel().peer_id() == received->id) held->on_said_gone();
+        return;
     }
+    auto found = all_.find(received->id);
+    if (found == all_.end()) {
+        if (type != wire::datagram_type::data || received->body.size() < 8) return;
+        buffer out(wire::frame_header::size); // never an answer longer than the question
+        wire::put_datagram(out, wire::datagram_type::unknown, received->id);
+        send(came.peer, out.view());
+        return;
+    }
+    auto held = found->second;
+    if (type == wire::datagram_type::data || type == wire::sealed::data) held->on_datagram(came.peer, came.content);
+    else if (type == wire::sealed::flight) held->on_flight(came.peer, received->body);
+    else if (type == wire::datagram_type::closed) held->on_said_gone();
+    else held->on_sign(came.peer, came.content);
 }
 
 void port::on_open(const endpoint& from, const wire::datagram_view& received) {
@@ -84,7 +78,7 @@ void port::on_open(const endpoint& from, const wire::datagram_view& received) {
         return;
     }
     if (waiting_.size() >= max_waiting) return;
-    auto made = std::make_shared<association>(on_, shared_from_this(), draw_id(), received.id, from);
+    auto made = std::make_shared<association>(on_, shared_from_this(), draw_id(), received.id, from, make_seal(false));
     all_.emplace(made->id(), made);
     openings_.emplace(std::pair(from, received.id), made);
     waiting_.push_back(made);
@@ -140,8 +134,9 @@ void port::on_answer(const endpoint& from, const wire::datagram_view& received) 
     if (received.body.size() < 8) return;
     again_.disarm();
     auto their_id = detail::load_little<std::uint64_t>(received.body.data());
-    dialled_ = std::make_shared<association>(on_, shared_from_this(), dial_id_, their_id, from);
+    dialled_ = std::make_shared<association>(on_, shared_from_this(), dial_id_, their_id, from, make_seal(true));
     all_.emplace(dial_id_, dialled_);
+    dialled_->begin();
 }
 
 bool port::lets_drain() noexcept {

@@ -17,7 +17,9 @@ public:
     /// Channels whose user has left and that still send; others end at once.
     static constexpr std::size_t max_draining = 256;
 
-    port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens);
+    /// `key`: what channels are sealed with, if it seals; null: there is none.
+    port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens,
+         std::shared_ptr<const shared_key> key = nullptr);
     ~port();
 
     auto receive() { return socket_->receive(); }
@@ -40,6 +42,7 @@ public:
     bool closed() const noexcept { return closed_; }
     bool lets_drain() noexcept override;
     void forget(association& gone) override;
+    bool old_scheme() const noexcept override { return key_ != nullptr; }
 
     /// Opens a channel to `to`, asking again with growing pauses; `opened()` has it once the peer has answered.
     std::error_code dial(const endpoint& to);
@@ -55,11 +58,13 @@ private:
     void answer_opened(const association& to);
     std::error_code ask();
     std::uint64_t draw_id();
+    std::unique_ptr<seal> make_seal(bool calls) const;
 
     loop& on_;
     std::unique_ptr<datagram_socket> socket_;
     std::mutex mutex_;
     buffer scratch_;
+    std::shared_ptr<const shared_key> key_;
     bool listens_;
     bool accepting_;
     bool closed_ = false;

@@ -47,6 +47,8 @@ public:
     /// The datagram that was filled last has left.
     void on_sent(std::uint64_t number, std::size_t bytes, bool wants_ack, time_point now);
 
+    /// After the largest number that the peer has acknowledged.
+    std::uint64_t acked() const noexcept { return largest_acked_; }
     /// False where it names what was never sent.
     bool on_ack(const acknowledgement& what, time_point now);
     /// The peer takes bytes of the stream up to this offset.

@@ -1,5 +1,7 @@
 #include <ise/transport/datagram_stream.hpp>
+#include <ise/transport/sealed_stream.hpp>
 #include <ise/transport/security.hpp>
+#include <ise/transport/shared_key.hpp>
 #include <ise/transport/udp/port.hpp>
 
 #include <asio/error.hpp>
@@ -9,7 +11,7 @@ namespace ise::net::udp {
 namespace {
 
 // The user's end of an association. On the requester's side nobody else waits for datagrams: reading does.
-class stream_end final : public datagram_stream {
+class stream_end : public datagram_stream {
 public:
     stream_end(std::shared_ptr<association> over, std::shared_ptr<port> pumped)
         : over_(std::move(over)), pumped_(std::move(pumped)), peer_(over_->peer().text()) {}
@@ -24,6 +26,7 @@ public:
     void shutdown_write() override { over_->shutdown_write(); }
     void close() override { over_->leave(); }
     std::string peer() const override { return peer_; }
+    std::optional<failure> verdict() const override { return over_->verdict(); }
 
     void use(std::weak_ptr<user> receiver) override { over_->use(std::move(receiver)); }
     bool show_sign() noexcept override { return over_->show_sign(); }
@@ -69,21 +72,33 @@ private:
     std::string peer_;
 };
 
+class sealed_end final : public stream_end, public sealed_stream {
+public:
+    using stream_end::stream_end;
+};
+
+bool seals(const security& with) noexcept { return with.key && with.key->seals(); }
+
+std::unique_ptr<stream> make_end(std::shared_ptr<association> over, std::shared_ptr<port> pumped, bool sealed) {
+    if (sealed) return std::make_unique<sealed_end>(std::move(over), std::move(pumped));
+    return std::make_unique<stream_end>(std::move(over), std::move(pumped));
+}
+
 class udp_listener final : public listener {
 public:
-    explicit udp_listener(std::shared_ptr<port> at) : port_(std::move(at)) {}
+    udp_listener(std::shared_ptr<port> at, bool sealed) : port_(std::move(at)), sealed_(sealed) {}
     ~udp_listener() override { port_->close(); }
 
-    task<std::pair<std::error_code, std::unique_ptr<stream>>> accept() override { return next(port_); }
+    task<std::pair<std::error_code, std::unique_ptr<stream>>> accept() override { return next(port_, sealed_); }
     void close() override { port_->stop_listening(); }
     endpoint where() const override { return port_->where(); }
 
 private:
-    static task<std::pair<std::error_code, std::unique_ptr<stream>>> next(std::shared_ptr<port> at) {
+    static task<std::pair<std::error_code, std::unique_ptr<stream>>> next(std::shared_ptr<port> at, bool sealed) {
         std::pair<std::error_code, std::unique_ptr<stream>> outcome;
         for (;;) {
             if (auto opened = at->accepted()) {
-                outcome.second = std::make_unique<stream_end>(std::move(opened), nullptr);
+                outcome.second = make_end(std::move(opened), nullptr, sealed);
                 co_return outcome;
             }
             if (at->closed()) {
@@ -101,17 +116,18 @@ private:
     }
 
     std::shared_ptr<port> port_;
+    bool sealed_;
 };
 
 // From a socket of one family of addresses. `problem`: what stood in the way, if the failure has a cause of that kind.
 task<result<std::unique_ptr<stream>>> connect_from(loop& on, endpoint to, std::string any_host,
-                                                   std::error_code& problem) {
+                                                   std::error_code& problem, security with) {
     endpoint any;
     any.kind = protocol::udp;
     any.host = std::move(any_host);
     auto opened = on.env().open_datagram(on, any);
     if (!opened) co_return opened.error();
-    auto socket = std::make_shared<port>(on, std::move(*opened), false);
+    auto socket = std::make_shared<port>(on, std::move(*opened), false, with.key);
     struct leaving { // an attempt that was given up leaves nothing
         port& of;
         bool done = false;
@@ -125,7 +141,7 @@ task<result<std::unique_ptr<stream>>> connect_from(loop& on, endpoint to, std::s
     };
     auto asked = socket->dial(to);
     if (asked && asked != asio::error::would_block) co_return refused(asked);
-    while (!socket->opened()) {
+    while (!socket->opened() || !socket->opened()->settled()) {
         auto came = co_await socket->receive();
         if (socket->dial_problem()) co_return refused(socket->dial_problem());
         if (came.first == asio::error::operation_aborted)
@@ -134,31 +150,34 @@ task<result<std::unique_ptr<stream>>> connect_from(loop& on, endpoint to, std::s
         loop::turn in(on);
         socket->take(*came.second);
     }
+    if (auto why = socket->opened()->verdict())
+        co_return failure(why->code(), fmt::format("{}: {}", to.text(), why->message()));
     guard.done = true;
-    std::unique_ptr<stream> made = std::make_unique<stream_end>(socket->opened(), socket);
+    auto made = make_end(socket->opened(), socket, seals(with));
     co_return made;
 }
 
 // A datagram_stream to whoever answers at `to`, asked again and again until then: the caller sets the limit.
-task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to, security) {
+task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to, security with) {
     const bool literal_6 = to.host.find(':') != std::string::npos;
     const std::string any_6 = "::", first = literal_6 ? any_6 : "0.0.0.0";
     std::error_code problem;
-    auto made = co_await connect_from(on, to, first, problem);
+    auto made = co_await connect_from(on, to, first, problem, with);
     if (made || literal_6 || problem != asio::error::host_not_found) co_return made;
     // A name without an IPv4 address may have others. What the first look-up said stays true where there is no IPv6.
-    auto other = co_await connect_from(on, to, any_6, problem);
+    auto other = co_await connect_from(on, to, any_6, problem, with);
     if (other) co_return other;
     co_return made;
 }
 
 // After `close()` of the listener, `accept` goes on serving the streams that it gave, and completes when the last of
 // them has gone.
-result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at, security) {
+result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at, security with) {
     auto opened = on.env().open_datagram(on, at);
     if (!opened) return opened.error();
-    return std::unique_ptr<listener>(
-        std::make_unique<udp_listener>(std::make_shared<port>(on, std::move(*opened), true)));
+    const bool sealed = seals(with);
+    auto made = std::make_shared<port>(on, std::move(*opened), true, std::move(with.key));
+    return std::unique_ptr<listener>(std::make_unique<udp_listener>(std::move(made), sealed));
 }
 
 } // namespace

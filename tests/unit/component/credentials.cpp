@@ -129,7 +129,7 @@ TEST_CASE("a node over udp asks for the key as well") {
         silent);
     REQUIRE(at.world.run_until([&] { return *done; }));
     CHECK(bool(*got) == right);
-    if (!right) CHECK_THAT(got->error().message(), Contains("the shared key here is another one"));
+    if (!right) CHECK_THAT(got->error().message(), Contains("the shared key there is another one"));
 }
 
 TEST_CASE("a node that demands credentials listens beyond its host with them only") {

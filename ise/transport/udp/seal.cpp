@@ -1,0 +1,326 @@
+#include <ise/transport/udp/seal.hpp>
+
+#include <ise/transport/shared_key.hpp>
+#include <ise/transport/tls/psk.hpp>
+#include <ise/wire/frame.hpp>
+#include <ise/wire/sealed_datagram.hpp>
+
+#include <openssl/crypto.h>
+#include <openssl/err.h>
+#include <openssl/evp.h>
+#include <openssl/hmac.h>
+#include <openssl/ssl.h>
+
+#include <array>
+#include <cstring>
+#include <new>
+#include <string>
+#include <string_view>
+
+namespace ise::net::udp {
+namespace {
+
+using bytes_32 = std::array<std::uint8_t, 32>;
+using nonce = std::array<std::uint8_t, 12>;
+
+constexpr std::size_t max_flight = wire::datagram_bytes - wire::frame_header::size - 1;
+constexpr std::string_view exporter_label = "EXPORTER-ISE1-datagrams";
+
+template <auto Free>
+struct freeing {
+    template <class T>
+    void operator()(T* what) const noexcept {
+        Free(what);
+    }
+};
+using tls_ptr = std::unique_ptr<SSL, freeing<SSL_free>>;
+using cipher_ptr = std::unique_ptr<EVP_CIPHER_CTX, freeing<EVP_CIPHER_CTX_free>>;
+
+unsigned char* raw(std::byte* from) noexcept { return reinterpret_cast<unsigned char*>(from); }
+const unsigned char* raw(const std::byte* from) noexcept { return reinterpret_cast<const unsigned char*>(from); }
+
+void must(bool went) {
+    if (!went) throw error(errc::io_failed, "OpenSSL seals no datagrams here");
+}
+
+// HKDF-Expand of RFC 5869 with SHA-256, of one block.
+bytes_32 expand(const bytes_32& secret, std::string_view label) {
+    std::string info(label);
+    info += '\x01';
+    bytes_32 made{};
+    unsigned size = 0;
+    must(::HMAC(::EVP_sha256(), secret.data(), static_cast<int>(secret.size()),
+                reinterpret_cast<const unsigned char*>(info.data()), info.size(), made.data(), &size) != nullptr &&
+         size == made.size());
+    return made;
+}
+
+// One key: of a direction and a generation, or of the signs of a direction.
+class aead {
+public:
+    aead(const EVP_CIPHER* kind, const bytes_32& key, const bytes_32& base, bool seals)
+        : context_(EVP_CIPHER_CTX_new()), seals_(seals) {
+        std::memcpy(base_.data(), base.data(), base_.size());
+        must(context_ && EVP_CipherInit_ex(context_.get(), kind, nullptr, key.data(), nullptr, seals ? 1 : 0) == 1);
+    }
+
+    // In place; the tag goes to `tag`.
+    void close(std::uint64_t number, bytes_view head, std::span<std::byte> content, std::byte* tag) {
+        int size = 0;
+        must(begin(number, head) &&
+             EVP_EncryptUpdate(context_.get(), raw(content.data()), &size, raw(content.data()),
+                               static_cast<int>(content.size())) == 1 &&
+             EVP_EncryptFinal_ex(context_.get(), raw(content.data()), &size) == 1 &&
+             EVP_CIPHER_CTX_ctrl(context_.get(), EVP_CTRL_AEAD_GET_TAG, static_cast<int>(wire::sealed::seal_bytes),
+                                 tag) == 1);
+    }
+    // What was not sealed with this key, or was changed, is not opened.
+    bool open(std::uint64_t number, bytes_view head, bytes_view content, bytes_view tag, std::byte* into) {
+        int size = 0;
+        std::array<std::byte, wire::sealed::seal_bytes> shown{};
+        std::memcpy(shown.data(), tag.data(), shown.size());
+        bool good = begin(number, head) &&
+                    EVP_DecryptUpdate(context_.get(), raw(into), &size, raw(content.data()),
+                                      static_cast<int>(content.size())) == 1 &&
+                    EVP_CIPHER_CTX_ctrl(context_.get(), EVP_CTRL_AEAD_SET_TAG, static_cast<int>(shown.size()),
+                                        shown.data()) == 1 &&
+                    EVP_DecryptFinal_ex(context_.get(), raw(into), &size) == 1;
+        if (!good) ERR_clear_error();
+        return good;
+    }
+
+private:
+    // As TLS 1.3 does it: the number, big-endian, over the end of the base.
+    bool begin(std::uint64_t number, bytes_view head) {
+        auto used = base_;
+        for (std::size_t at = 0; at < 8; ++at)
+            used[used.size() - 1 - at] ^= static_cast<std::uint8_t>(number >> (8 * at));
+        int size = 0;
+        return EVP_CipherInit_ex(context_.get(), nullptr, nullptr, nullptr, used.data(), seals_ ? 1 : 0) == 1 &&
+               EVP_CipherUpdate(context_.get(), nullptr, &size, raw(head.data()), static_cast<int>(head.size())) == 1;
+    }
+
+    cipher_ptr context_;
+    nonce base_{};
+    bool seals_;
+};
+
+// The keys of a direction, generation after generation. None is computed backwards.
+class keys {
+public:
+    keys(const EVP_CIPHER* kind, const bytes_32& secret, bool seals)
+        : kind_(kind), secret_(secret), seals_(seals), now_(make()) {}
+    ~keys() { OPENSSL_cleanse(secret_.data(), secret_.size()); }
+    keys(const keys&) = delete;
+    keys& operator=(const keys&) = delete;
+
+    aead& now() { return *now_; }
+    aead* former() { return former_.get(); }
+    // Made once, be it guessed at ever so often.
+    aead& next() {
+        if (!next_) {
+            next_secret_ = expand(secret_, "ISE1 next");
+            auto kept = std::exchange(secret_, next_secret_);
+            next_ = make();
+            secret_ = kept;
+        }
+        return *next_;
+    }
+    void advance() {
+        next();
+        former_ = std::move(now_);
+        now_ = std::move(next_);
+        secret_ = next_secret_;
+        ++generation_;
+    }
+    std::uint8_t phase() const noexcept { return generation_ & 1; }
+
+private:
+    std::unique_ptr<aead> make() const {
+        return std::make_unique<aead>(kind_, expand(secret_, "ISE1 key"), expand(secret_, "ISE1 iv"), seals_);
+    }
+
+    const EVP_CIPHER* kind_;
+    bytes_32 secret_, next_secret_{};
+    bool seals_;
+    std::unique_ptr<aead> former_, now_, next_;
+    unsigned generation_ = 0;
+};
+
+class psk_seal final : public seal {
+public:
+    psk_seal(std::shared_ptr<const shared_key> with, bool calls, key_life life)
+        : with_(std::move(with)), calls_(calls), life_(life), expected_(calls ? 2 : 1) {
+        if (!calls) return; // others are given memory when they have said something
+        begin();
+        go_on(0);
+    }
+
+    bool take_flight(bytes_view body) override;
+    bytes_view flight() const noexcept override { return flight_; }
+    bool begun() const noexcept override { return taken_ != 0; }
+    bool sealed() const noexcept override { return out_.has_value(); }
+    const std::optional<failure>& trouble() const noexcept override { return trouble_; }
+    void close(buffer& datagram, std::uint64_t acked, time_point now) override;
+    std::optional<bytes_view> open(bytes_view datagram) override;
+    void put_sign(buffer& out, std::uint64_t to) override;
+    bool take_sign(bytes_view datagram) override;
+
+private:
+    void begin();
+    void go_on(std::uint8_t after);
+    void derive();
+
+    std::shared_ptr<const shared_key> with_; // outlives tls_
+    bool calls_;
+    key_life life_;
+    tls_ptr tls_; // during the handshake
+    bytes flight_;
+    std::uint8_t expected_, taken_ = 0;
+    std::optional<failure> trouble_;
+
+    std::optional<keys> out_, in_;
+    std::optional<aead> sign_out_, sign_in_;
+    std::uint64_t out_since_ = 0;        // the first number of the present keys
+    std::optional<time_point> out_from_; // when they were used first
+    std::uint64_t in_since_ = 0;
+    std::uint64_t signs_sent_ = 0, signs_taken_ = 0;
+    bytes opened_;
+};
+
+void psk_seal::begin() {
+    tls_.reset(SSL_new(with_->sealing().get()));
+    auto* in = BIO_new(BIO_s_mem());
+    auto* out = BIO_new(BIO_s_mem());
+    if (!tls_ || !in || !out) throw std::bad_alloc();
+    BIO_set_mem_eof_return(in, -1);
+    BIO_set_mem_eof_return(out, -1);
+    SSL_set_bio(tls_.get(), in, out);
+    if (calls_) SSL_set_connect_state(tls_.get());
+    else SSL_set_accept_state(tls_.get());
+}
+
+// The handshake, as far as it goes; the flight that it makes follows the one with this number.
+void psk_seal::go_on(std::uint8_t after) {
+    ERR_clear_error();
+    int went = SSL_do_handshake(tls_.get());
+    bool done = went == 1;
+    if (!done && SSL_get_error(tls_.get(), went) != SSL_ERROR_WANT_READ) trouble_ = tls::psk_failure_noted();
+    if (done && SSL_session_reused(tls_.get()) != 1)
+        trouble_.emplace(errc::unauthorized, "it did not prove that it knows the shared key of this side");
+    auto* out = SSL_get_wbio(tls_.get());
+    auto waiting = BIO_ctrl_pending(out);
+    if (waiting > max_flight && !trouble_)
+        trouble_.emplace(errc::protocol_error, "a flight of the handshake is longer than a datagram");
+    if (waiting > 0 && waiting <= max_flight) {
+        flight_.resize(1 + waiting);
+        flight_[0] = static_cast<std::byte>(after + 1);
+        BIO_read(out, flight_.data() + 1, static_cast<int>(waiting));
+    }
+    if (done && !trouble_) derive();
+    if (done || trouble_) tls_.reset();
+}
+
+bool psk_seal::take_flight(bytes_view body) {
+    if (body.size() < 2) return false;
+    auto number = static_cast<std::uint8_t>(body[0]);
+    // Said again because the answer was lost. Who is called answers no more once it has the last.
+    if (taken_ != 0 && number == taken_) return calls_ || !sealed();
+    if (trouble_ || sealed() || number != expected_) return false;
+    if (!tls_) begin();
+    taken_ = number;
+    expected_ = static_cast<std::uint8_t>(number + 2);
+    BIO_write(SSL_get_rbio(tls_.get()), body.data() + 1, static_cast<int>(body.size() - 1));
+    auto before = flight_;
+    go_on(number);
+    return flight_ != before;
+}
+
+void psk_seal::derive() {
+    std::array<std::uint8_t, 64> both{};
+    must(SSL_export_keying_material(tls_.get(), both.data(), both.size(), exporter_label.data(), exporter_label.size(),
+                                    nullptr, 0, 0) == 1);
+    constexpr unsigned chacha20_poly1305_sha256 = 0x1303;
+    auto suite = SSL_CIPHER_get_protocol_id(SSL_get_current_cipher(tls_.get()));
+    const auto* kind = suite == chacha20_poly1305_sha256 ? EVP_chacha20_poly1305() : EVP_aes_128_gcm();
+    bytes_32 of_caller{}, of_called{};
+    std::memcpy(of_caller.data(), both.data(), of_caller.size());
+    std::memcpy(of_called.data(), both.data() + of_caller.size(), of_called.size());
+    const auto& mine = calls_ ? of_caller : of_called;
+    const auto& theirs = calls_ ? of_called : of_caller;
+    sign_out_.emplace(kind, expand(mine, "ISE1 sign key"), expand(mine, "ISE1 sign iv"), true);
+    sign_in_.emplace(kind, expand(theirs, "ISE1 sign key"), expand(theirs, "ISE1 sign iv"), false);
+    in_.emplace(kind, theirs, false);
+    out_.emplace(kind, mine, true);
+    OPENSSL_cleanse(both.data(), both.size());
+}
+
+void psk_seal::close(buffer& datagram, std::uint64_t acked, time_point now) {
+    auto number = detail::load_little<std::uint64_t>(datagram.data() + wire::frame_header::size);
+    if (!out_from_) out_from_ = now;
+    bool old = number - out_since_ >= life_.datagrams || now - *out_from_ >= life_.time;
+    // The peer must have the present keys before it can get the next ones.
+    if (old && acked > out_since_) {
+        out_->advance();
+        out_since_ = number;
+        out_from_ = now;
+    }
+    auto header = wire::read_header(datagram.data());
+    header.type = static_cast<wire::frame_type>(wire::sealed::data);
+    header.flags = out_->phase();
+    wire::store_header(datagram.data(), header);
+    auto* at = datagram.data();
+    out_->now().close(number, bytes_view(at, wire::data_head_bytes),
+                      std::span(at + wire::sealed::head_bytes, datagram.size() - wire::sealed::head_bytes),
+                      at + wire::data_head_bytes);
+}
+
+std::optional<bytes_view> psk_seal::open(bytes_view datagram) {
+    if (datagram.size() < wire::sealed::head_bytes) return {};
+    auto number = detail::load_little<std::uint64_t>(datagram.data() + wire::frame_header::size);
+    auto head = datagram.first(wire::data_head_bytes);
+    auto tag = datagram.subspan(wire::data_head_bytes, wire::sealed::seal_bytes);
+    auto content = datagram.subspan(wire::sealed::head_bytes);
+    opened_.resize(sizeof number + content.size());
+    std::memcpy(opened_.data(), datagram.data() + wire::frame_header::size, sizeof number);
+    auto fits = [&](aead& with) { return with.open(number, head, content, tag, opened_.data() + sizeof number); };
+    if ((wire::read_header(datagram.data()).flags & 1) == in_->phase()) {
+        if (!fits(in_->now())) return {};
+    } else if (in_->former() && number < in_since_) { // overtaken by the first of the present keys
+        if (!fits(*in_->former())) return {};
+    } else {
+        if (!fits(in_->next())) return {};
+        in_->advance();
+        in_since_ = number;
+    }
+    return bytes_view(opened_);
+}
+
+void psk_seal::put_sign(buffer& out, std::uint64_t to) {
+    std::array<std::byte, sizeof(std::uint64_t) + wire::sealed::seal_bytes> body{};
+    auto number = ++signs_sent_;
+    detail::store_little(body.data(), number);
+    auto start = out.size();
+    wire::put_datagram(out, wire::sealed::sign, to, body);
+    sign_out_->close(number, bytes_view(out.data() + start, wire::data_head_bytes), {},
+                     out.data() + start + wire::data_head_bytes);
+}
+
+bool psk_seal::take_sign(bytes_view datagram) {
+    if (datagram.size() != wire::sealed::head_bytes) return false;
+    auto number = detail::load_little<std::uint64_t>(datagram.data() + wire::frame_header::size);
+    std::byte nothing{};
+    if (number <= signs_taken_ || !sign_in_->open(number, datagram.first(wire::data_head_bytes), {},
+                                                  datagram.subspan(wire::data_head_bytes), &nothing))
+        return false;
+    signs_taken_ = number;
+    return true;
+}
+
+} // namespace
+
+std::unique_ptr<seal> seal::make(std::shared_ptr<const shared_key> with, bool calls, key_life life) {
+    return std::make_unique<psk_seal>(std::move(with), calls, life);
+}
+
+} // namespace ise::net::udp
