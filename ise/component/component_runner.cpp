@@ -2,6 +2,7 @@
 
 #include <ise/call/provide.hpp>
 #include <ise/component/health.hpp>
+#include <ise/component/served_calls.hpp>
 #include <ise/core/async_run.hpp>
 #include <ise/core/use_task.hpp>
 #include <ise/naming/name_resolver.hpp>
@@ -113,6 +114,7 @@ void component_runner::open() {
         .add(make_call_service(*services_, health_service,
                                [this](const health_request&) { return health_of(*services_); }))
         .value();
+    provide_served_calls(*services_);
     if (options_.listens) {
         auto wanted =
             options_.listen.empty() ? default_endpoints(env_, services_->self().incarnation) : options_.listen;
