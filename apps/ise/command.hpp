@@ -83,7 +83,8 @@ struct command {
 };
 
 inline constexpr std::string_view see_group = "See what there is", talk_group = "Talk to a component",
-                                  measure_group = "Measure and find faults", run_group = "Start and stop components",
+                                  measure_group = "Measure and find faults", record_group = "Record and replay",
+                                  run_group = "Start and stop components",
                                   deploy_group = "Whole systems, from a deployment file",
                                   shell_group = "Of the command itself";
 

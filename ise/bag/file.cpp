@@ -1,4 +1,4 @@
-// environment-boundary: recordings are read and written on threads of their own, in pieces; the environment reads whole small files
+// environment-boundary: recordings are read and written in pieces, off the loop; the environment has small files only
 #include <ise/bag/file.hpp>
 
 #include <ise/core/error.hpp>
@@ -129,6 +129,9 @@ result<std::unique_ptr<source>> open_file(const std::string& path) {
 
 result<std::unique_ptr<sink>> create_file(const std::string& path) {
     int opened = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+    if (opened < 0 && errno == EEXIST)
+        return failure(errc::name_taken,
+                       fmt::format("{} exists already, and is not overwritten: remove it, or choose another", path));
     if (opened < 0) return failed("create", path);
     return std::unique_ptr<sink>(std::make_unique<file_sink>(opened, path));
 }

@@ -35,7 +35,7 @@ public:
 
 /// Opens an existing file to read. errc::io_failed with the name and the cause.
 result<std::unique_ptr<source>> open_file(const std::string& path);
-/// Creates a file, which must not exist yet. errc::io_failed with the name and the cause.
+/// Creates a file. errc::name_taken if it exists already; errc::io_failed with the name and the cause.
 result<std::unique_ptr<sink>> create_file(const std::string& path);
 
 /// Bytes in memory as a source; borrowed.

@@ -38,6 +38,8 @@ enum class wire : std::uint8_t { varint = 0, fixed64 = 1, block = 2, fixed32 = 5
 enum class presence : std::uint8_t { implicit, optional, repeated, oneof };
 enum class shape : std::uint8_t { fields, variant, wrapper, instant, time_span };
 
+__extension__ using wide = __int128;
+
 constexpr std::size_t max_messages = 16384; // of one schema
 
 // --- writing protobuf ------------------------------------------------------------------------------------------------
@@ -127,7 +129,8 @@ struct enum_plan {
 // What proto3 takes as a name.
 std::string identifier(std::string_view name) {
     std::string made;
-    for (unsigned char c : name) {
+    for (char letter : name) {
+        auto c = static_cast<unsigned char>(letter);
         if ((c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_')
             made += static_cast<char>(c);
         else made += fmt::format("x{:02x}", c);
@@ -449,14 +452,17 @@ void put_well_known(buffer& to, const char* file, const char* name) {
         put_text(to, 2, "google.protobuf");
         put_nested(to, 4, [&] {
             put_text(to, 1, name);
-            for (auto [field, number, type] : {std::tuple{"seconds", 1u, 3u}, std::tuple{"nanos", 2u, 5u}})
-                put_nested(to, 2, [&, field = field, number = number, type = type] {
+            auto put = [&](const char* field, std::uint32_t number, std::uint32_t type) {
+                put_nested(to, 2, [&] {
                     put_text(to, 1, field);
                     put_number(to, 3, number);
                     put_number(to, 4, 1);
-                    put_number(to, 5, type); // int64, int32
+                    put_number(to, 5, type);
                     put_text(to, 10, field);
                 });
+            };
+            put("seconds", 1, 3); // int64
+            put("nanos", 2, 5);   // int32
         });
         put_text(to, 12, "proto3");
     });
@@ -519,7 +525,6 @@ void append_utf8(buffer& to, std::string_view text) {
 
 // Whole seconds and nanoseconds of ticks, rounded towards the past; nothing beyond 64 bits.
 void put_time(buffer& to, const type_description& type, std::int64_t ticks, bool span) {
-    using wide = __int128;
     wide scaled = wide{ticks} * type.period_num;
     wide den = std::max<std::int64_t>(type.period_den, 1);
     wide seconds = scaled / den, rest = scaled % den;
@@ -856,7 +861,6 @@ private:
     }
 
     void time(const field_plan& of, bytes_view content) {
-        using wide = __int128;
         std::int64_t seconds = 0, nanos = 0;
         for (message_bytes in(content); !in.empty();) {
             auto one = in.next();

@@ -47,8 +47,8 @@ public:
     /// A serialized google.protobuf.FileDescriptorSet.
     const bytes& descriptors() const noexcept;
 
-    /// Appends a packet as a message; with `own_bytes` also as it is, in `own_bytes_field`. errc::malformed if the packet
-    /// does not match the schema; `to` is unchanged then.
+    /// Appends a packet as a message; with `own_bytes` also as it is, in `own_bytes_field`. errc::malformed if the
+    /// packet does not match the schema; `to` is unchanged then.
     result<void> encode(bytes_view packet, buffer& to, bool own_bytes) const;
     /// The packet of a message: its own bytes if it has them, else made of the fields. Missing fields are zero. Of a
     /// field that comes twice the last counts. errc::malformed with the field, errc::too_large.

@@ -395,6 +395,7 @@ void scan(source& from, const reader_limits& limits, summary& into) {
         }
         if (!*got) {
             good = into.file_bytes;
+            into.complete = true;
             break;
         }
         const auto& one = **got;
@@ -474,7 +475,6 @@ void scan(source& from, const reader_limits& limits, summary& into) {
                 break;
             }
             case opcode::data_end: data_over = true; break;
-            case opcode::footer: into.complete = true; break;
             default: break;
         }
         if (!into.damage) good = records.offset();

@@ -40,7 +40,8 @@ struct record {
 /// All failures name the file, the offset and the record; errc::malformed for damage, errc::too_large for a limit.
 class record_reader {
 public:
-    /// `from` must outlive the reader. `at`: where the first record begins; 0: after the magic bytes, which are checked.
+    /// `from` must outlive the reader. `at`: where the first record begins; 0: after the magic bytes, which are
+    /// checked.
     explicit record_reader(source& from, reader_limits limits = reader_limits(), std::uint64_t at = 0);
 
     /// Whether records of chunks are returned one by one (default), or chunks whole.

@@ -21,8 +21,8 @@ struct recovery {
 };
 
 /// Copies every whole record of a file that was cut at any byte, or of which parts are damaged, to `to`, and closes it.
-/// Also from the last chunk, if it was cut, what can be decompressed. Fails if `from` is no MCAP file, or `to` cannot be
-/// written.
+/// Also from the last chunk, if it was cut, what can be decompressed. Fails if `from` is no MCAP file, or `to` cannot
+/// be written.
 result<recovery> recover(source& from, writer& to, const reader_limits& limits = reader_limits());
 
 } // namespace ise::bag

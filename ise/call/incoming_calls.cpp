@@ -1,3 +1,4 @@
+#include <ise/call/call_tap.hpp>
 #include <ise/call/incoming_calls.hpp>
 
 #include <ise/packet/codec.hpp>
@@ -31,6 +32,40 @@ std::uint64_t mark_of(std::string_view who) noexcept {
     std::uint64_t hash = 0;
     for (char one : who) hash = (hash ^ static_cast<unsigned char>(one) ^ 0xcbf29ce484222325) * 0x100000001b3;
     return hash;
+}
+
+call_taps& taps_of(service_runtime& runtime) { return runtime.on().common<call_taps>(); }
+
+// Notes the beginning of a call for whoever records it.
+void tap(const incoming_calls& at, service_runtime& runtime, const std::string& service, std::uint64_t id,
+         std::string caller, incoming_packet& request) {
+    auto& taps = taps_of(runtime);
+    if (!taps.watches(runtime) || service.starts_with("ise.")) return;
+    tapped_call made;
+    made.service = service;
+    made.caller = std::move(caller);
+    made.asked_at = runtime.env().wall();
+    try {
+        auto raw = request.bytes();
+        made.request.assign(raw.begin(), raw.end());
+    } catch (const std::exception&) { // the handler's decoder says why; there is nothing to record
+        return;
+    }
+    taps.begin(&at, id, std::move(made), runtime.on().now());
+}
+
+void tap_end(const incoming_calls& at, service_runtime& runtime, std::uint64_t id, std::string outcome,
+             std::string message, const outgoing_packet* response) {
+    buffer raw;
+    if (response) {
+        try {
+            response->write(raw);
+        } catch (const std::exception& thrown) {
+            outcome = name_of(errc::handler_failed);
+            message = thrown.what();
+        }
+    }
+    taps_of(runtime).end(&at, id, runtime, runtime.on().now(), std::move(outcome), std::move(message), raw.to_bytes());
 }
 
 failure replies_not_taken(std::size_t unsent, execution state) {
@@ -242,6 +277,10 @@ void incoming_calls::serve(binding& of, const request_head& head, incoming_packe
     call.trace = head.trace;
     call.adapt = of.request.get();
     ++runtime.counts().calls_served;
+    if (call_taps::any()) [[unlikely]] {
+        request.adapt = call.adapt;
+        tap(*this, runtime, of.name, head.id, over_.caller_name(), request);
+    }
     of.service->serve(*this, std::move(call), std::move(request));
 }
 
@@ -289,6 +328,9 @@ void incoming_calls::on_cancel(std::uint64_t id) {
     if (slot < running_.size() && running_[slot].id == id && running_[slot].of) {
         auto running = running_[slot];
         auto service = running.of->service;
+        if (call_taps::any()) [[unlikely]]
+            tap_end(*this, over_.runtime(), id, std::string(name_of(errc::cancelled)), "its caller gave it up",
+                    nullptr);
         forget(id);
         if (running.elsewhere) {
             auto origin = replies().origin(running.number);
@@ -366,6 +408,8 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
     if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return;
     auto& of = *running_[slot].of;
     auto number = running_[slot].number;
+    if (call_taps::any()) [[unlikely]]
+        tap_end(*this, over_.runtime(), id, "ok", {}, &response);
     if (number == 0) forget(id);
     if (number == 0 && !over_.open()) return;
     auto& wire = over_.wire();
@@ -439,6 +483,8 @@ void incoming_calls::send_answer(std::uint64_t id, bytes_view frame) {
 }
 
 void incoming_calls::refuse(std::uint64_t id, const failure& why) {
+    if (call_taps::any()) [[unlikely]]
+        tap_end(*this, over_.runtime(), id, std::string(name_of(why.code())), why.message(), nullptr);
     auto slot = slot_of(id);
     std::uint64_t number =
         slot < running_.size() && running_[slot].id == id && running_[slot].of ? running_[slot].number : 0;

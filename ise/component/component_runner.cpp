@@ -4,6 +4,7 @@
 #include <ise/call/provide.hpp>
 #include <ise/component/access_services.hpp>
 #include <ise/component/health.hpp>
+#include <ise/component/served_calls.hpp>
 #include <ise/core/async_run.hpp>
 #include <ise/core/use_task.hpp>
 #include <ise/naming/name_resolver.hpp>
@@ -122,6 +123,7 @@ void component_runner::open() {
             .add(make_call_service(*services_, access_service,
                                    [this](const access_request&, const call_context& by) { return tell_access(by); }))
             .value();
+    provide_served_calls(*services_);
     if (options_.listens) {
         auto wanted =
             options_.listen.empty() ? default_endpoints(env_, services_->self().incarnation) : options_.listen;

@@ -2,28 +2,37 @@
 // writers do them:
 //   mcap_conformance read FILE         the suite's JSON of a file
 //   mcap_conformance write FILE.json   the bytes that the suite's JSON describes, to standard output
+//   mcap_conformance sample FILE       writes a file of packets, and prints them as JSON (check_mcap.mjs)
+//   mcap_conformance packets FILE      prints such packets out of a file of others
 //   mcap_conformance all FOLDER        both over every FILE.json below FOLDER; exit code 1 if one differs
 // The suite's repository keeps its files in Git LFS: where FILE.mcap is such a pointer, what is written is held against
 // its SHA-256, and then read.
+#include <ise/bag/protobuf.hpp>
 #include <ise/bag/reader.hpp>
 #include <ise/bag/writer.hpp>
+#include <ise/packet/codec.hpp>
+#include <ise/packet/json.hpp>
 
 #include <nlohmann/json.hpp>
 #include <openssl/evp.h>
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <iterator>
+#include <map>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
 #include <utility>
+#include <variant>
 #include <vector>
 
 namespace {
@@ -331,6 +340,73 @@ int all(const std::string& folder) {
     return good > 0 && bad == 0 ? 0 : 1;
 }
 
+// --- packets, for check_mcap.mjs --------------------------------------------------------------------------------
+
+enum class sail : std::uint8_t { furled = 1, reefed = 2, full = 5 };
+struct waypoint {
+    double latitude_deg = 0;
+    double longitude_deg = 0;
+};
+struct sample {
+    std::string name;
+    std::int32_t count = 0;
+    std::int64_t big = 0;
+    double ratio = 0;
+    sail sails = sail::furled;
+    std::vector<waypoint> route;
+    std::map<std::string, double> named;
+    std::optional<std::int32_t> maybe;
+    bytes blob;
+    std::chrono::sys_time<std::chrono::milliseconds> when{};
+    std::variant<std::int32_t, std::string> any;
+};
+
+void write_sample(const std::string& path) {
+    protobuf_type type(schema_of<sample>());
+    auto out = writer::make(create_file(path).value()).value();
+    auto schema = out.add_schema(type.name(), "protobuf", type.descriptors()).value();
+    auto channel = out.add_channel(schema, "sample", "protobuf").value();
+    attachment_record attached;
+    attached.name = "deployment.toml";
+    attached.media_type = "application/toml";
+    attached.data = as_bytes("[deployment]");
+    out.attach(attached).value();
+    for (std::uint32_t i = 0; i < 100; ++i) {
+        sample one;
+        one.name = i == 0 ? "" : "Las Palmas " + std::to_string(i);
+        one.count = static_cast<std::int32_t>(i) * -1000;
+        one.big = static_cast<std::int64_t>(i) << 40;
+        one.ratio = i / 8.0;
+        one.sails = i % 2 ? sail::full : sail::reefed;
+        for (std::uint32_t n = 0; n < i % 3; ++n) one.route.push_back({28.0 + n, -15.5});
+        if (i % 4) one.named["speed"] = i;
+        if (i % 5) one.maybe = 0;
+        one.blob.resize(i % 7, std::byte{200});
+        one.when = std::chrono::sys_time<std::chrono::milliseconds>(std::chrono::milliseconds(1'700'000'000'123 + i));
+        if (i % 2) one.any = "text";
+        auto packet = encode(one);
+        buffer message;
+        type.encode(packet, message, true).value();
+        message_record record;
+        record.channel_id = channel;
+        record.sequence = i;
+        record.log_time = record.publish_time = 1000 + i;
+        record.data = message.view();
+        out.write(record).value();
+        std::cout << to_json(type.of(), packet) << "\n";
+    }
+    out.close().value();
+}
+
+void print_packets(const std::string& path) {
+    protobuf_type type(schema_of<sample>());
+    auto from = open_file(path).value();
+    auto about = read_summary(*from).value();
+    message_reader in(*from, about);
+    for (auto got = in.next().value(); got; got = in.next().value())
+        std::cout << to_json(type.of(), type.decode(got->data).value()) << "\n";
+}
+
 } // namespace
 
 int main(int count, char** arguments) try {
@@ -341,10 +417,14 @@ int main(int count, char** arguments) try {
     } else if (what == "write") {
         auto made = write_all(json::parse(whole_file(arguments[2])));
         std::cout.write(as_text(made).data(), static_cast<std::streamsize>(made.size()));
+    } else if (what == "sample") {
+        write_sample(arguments[2]);
+    } else if (what == "packets") {
+        print_packets(arguments[2]);
     } else if (what == "all") {
         return all(arguments[2]);
     } else {
-        std::cerr << "usage: mcap_conformance read FILE | write FILE.json | all FOLDER\n";
+        std::cerr << "usage: mcap_conformance read FILE | write FILE.json | sample FILE | packets FILE | all FOLDER\n";
         return 2;
     }
     return std::cout.flush() ? 0 : 1;

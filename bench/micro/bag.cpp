@@ -1,0 +1,99 @@
+// What a recording costs on one thread: packets of 100 bytes and of 64 KiB as protobuf messages into chunks, with each
+// compression, into memory and into a file; and reading them back by time.
+// bench_bag [FOLDER]      FOLDER: of the file (default: /tmp)
+#include <ise/bag/compression.hpp>
+#include <ise/bag/file.hpp>
+#include <ise/bag/protobuf.hpp>
+#include <ise/bag/reader.hpp>
+#include <ise/bag/writer.hpp>
+#include <ise/packet/codec.hpp>
+#include <ise/packet/schema.hpp>
+
+#include <chrono>
+#include <cstdint>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace {
+
+using namespace ise;
+using namespace ise::bag;
+
+struct fix {
+    std::uint64_t number = 0;
+    double latitude_deg = 28.1, longitude_deg = -15.4, heading_deg = 0, speed_kn = 4.5;
+    std::string sentence = "$GPRMC,080000,A,2808.9,N,01526.4,W,4.5,90,211126,,*1D";
+};
+struct scan {
+    std::vector<float> ranges_m;
+};
+
+double seconds_since(std::chrono::steady_clock::time_point begin) {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+template <class Packet, class Change>
+void measure(const char* name, Packet packet, Change change, std::size_t count, compression packing,
+             const std::string& file) {
+    std::remove(file.c_str());
+    protobuf_type type(schema_of<Packet>());
+    writer_options how;
+    how.packing = packing;
+    auto out = writer::make(create_file(file).value(), how).value();
+    auto schema = out.add_schema(type.name(), "protobuf", type.descriptors()).value();
+    auto channel = out.add_channel(schema, "bench", "protobuf").value();
+    buffer raw, message;
+    std::uint64_t in = 0;
+    auto begin = std::chrono::steady_clock::now();
+    for (std::size_t i = 0; i < count; ++i) {
+        change(packet, i);
+        raw.clear();
+        encode(packet, raw);
+        in += raw.size();
+        message.clear();
+        type.encode(raw.view(), message, true).value();
+        message_record one;
+        one.channel_id = channel;
+        one.sequence = static_cast<std::uint32_t>(i);
+        one.log_time = one.publish_time = i;
+        one.data = message.view();
+        out.write(one).value();
+    }
+    out.close().value();
+    auto wrote = seconds_since(begin);
+    begin = std::chrono::steady_clock::now();
+    auto from = open_file(file).value();
+    auto about = read_summary(*from).value();
+    message_reader reader(*from, about);
+    std::uint64_t read = 0;
+    for (auto got = reader.next().value(); got; got = reader.next().value()) read += got->data.size();
+    auto took = seconds_since(begin);
+    constexpr double mega = 1e6;
+    std::printf(
+        "%-10s %-5s %8.0f ns a packet  %7.1f MB/s of packets  %7.1f MB/s of messages  file %6.1f MB  read %7.1f MB/s\n",
+        name, packing == compression::none ? "none" : std::string(name_of(packing)).c_str(),
+        wrote / static_cast<double>(count) * 1e9, static_cast<double>(in) / mega / wrote,
+        static_cast<double>(read) / mega / wrote, static_cast<double>(about.file_bytes) / mega,
+        static_cast<double>(read) / mega / took);
+    std::remove(file.c_str());
+}
+
+} // namespace
+
+int main(int count, char** arguments) {
+    std::string file = std::string(count > 1 ? arguments[1] : "/tmp") + "/bench_bag.mcap";
+    for (auto packing : {compression::none, compression::lz4, compression::zstd}) {
+        measure(
+            "100 bytes", fix(),
+            [](fix& one, std::size_t i) { one.number = i, one.heading_deg = static_cast<double>(i % 3600) / 10; },
+            1'000'000, packing, file);
+        scan big;
+        big.ranges_m.resize(16384);
+        measure(
+            "64 KiB", big, [](scan& one, std::size_t i) { one.ranges_m[i % 16384] = static_cast<float>(i); }, 5'000,
+            packing, file);
+    }
+}

@@ -1,0 +1,469 @@
+#include <ise/bag/recorder.hpp>
+
+#include <ise/component/discover.hpp>
+#include <ise/component/introspection.hpp>
+#include <ise/component/parameter_services.hpp>
+#include <ise/component/served_calls.hpp>
+#include <ise/core/endpoint.hpp>
+#include <ise/core/environment.hpp>
+#include <ise/core/loop.hpp>
+#include <ise/core/task_scope.hpp>
+#include <ise/naming/services.hpp>
+#include <ise/packet/codec.hpp>
+#include <ise/packet/dynamic.hpp>
+#include <ise/service/dynamic.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <deque>
+#include <exception>
+#include <limits>
+#include <map>
+#include <set>
+#include <utility>
+
+namespace ise::bag {
+namespace {
+
+constexpr duration write_period = std::chrono::milliseconds(50);
+constexpr duration pause_after_failure = std::chrono::seconds(1);
+constexpr duration question_limit = std::chrono::seconds(5);
+constexpr std::size_t message_overhead = 160; // of one in the queue, beside its bytes
+
+timestamp nanoseconds(wall_time at) noexcept {
+    auto count = at.time_since_epoch().count();
+    return count < 0 ? 0 : static_cast<timestamp>(count);
+}
+
+bool below_any(const std::vector<std::string>& prefixes, const std::string& path) {
+    return prefixes.empty() ||
+           std::ranges::any_of(prefixes, [&](const auto& one) { return naming::lies_below(path, one); });
+}
+
+bool contains(const std::vector<std::string>& all, const std::string& one) {
+    return std::ranges::find(all, one) != all.end();
+}
+
+} // namespace
+
+struct recorder_core::state : std::enable_shared_from_this<state> {
+    state(component& of, recorder_options how) : self(of), options(std::move(how)), file(with_numbers(options)) {
+        gaps = std::make_shared<const topic>(gaps_topic, schema_of<gap_event>());
+        names = std::make_shared<const topic>(names_topic, schema_of<name_event>());
+        parameters = std::make_shared<const topic>(parameters_topic, schema_of<parameter_event>());
+    }
+
+    static recording_options with_numbers(const recorder_options& of) {
+        auto made = of.files;
+        made.numbered = made.numbered || of.ring > duration{};
+        return made;
+    }
+
+    component& self;
+    recorder_options options;
+    recorder_counts counts;
+    recording_file file; // on another thread while `writing`
+    std::shared_ptr<const topic> gaps, names, parameters;
+    std::map<std::string, std::shared_ptr<const topic>> topics; // by name
+    std::set<std::string> present;                              // paths
+    std::set<std::string> followed;                             // services, by topic
+    std::map<const topic*, std::uint32_t> sequences;
+    std::vector<recorded_message> queue;
+    std::size_t queue_size = 0;
+    std::map<std::string, std::pair<gap_event, std::uint64_t>> unwritten; // lost here, by topic
+    std::deque<recorded_message> ring;
+    std::size_t ring_size = 0;
+    time_point record_until = time_point::min(); // with a ring
+    bool close_file = false;                     // the ring begins again
+    bool finishing = false;
+    bool first_names = true;
+
+    bool in_ring() const { return options.ring > duration{} && self.now() >= record_until; }
+
+    // --- messages ---------------------------------------------------------------------------------------------------
+
+    static std::size_t size_of(const recorded_message& one) { return one.packet.size() + message_overhead; }
+
+    void put(recorded_message one) {
+        if (in_ring()) {
+            ring_size += size_of(one);
+            auto oldest = one.log_time - std::min(one.log_time, static_cast<timestamp>(options.ring.count()));
+            ring.push_back(std::move(one));
+            while (!ring.empty() && (ring.front().log_time < oldest || ring_size > options.ring_bytes)) {
+                ring_size -= size_of(ring.front());
+                ring.pop_front();
+            }
+            return;
+        }
+        if (queue_size + size_of(one) > options.queue_bytes) {
+            auto& [event, count] = unwritten[one.of->name()];
+            event.component = one.of->component();
+            event.service = one.of->service();
+            event.reason = "the disk is too slow for the recording (queue_bytes)";
+            ++count;
+            ++counts.lost;
+            return;
+        }
+        queue_size += size_of(one);
+        queue.push_back(std::move(one));
+    }
+
+    void put(const std::shared_ptr<const topic>& of, bytes packet, timestamp published, std::uint64_t lost_before = 0) {
+        recorded_message one;
+        auto& sequence = sequences[of.get()];
+        sequence += static_cast<std::uint32_t>(lost_before);
+        one.sequence = sequence++;
+        one.log_time = nanoseconds(self.wall());
+        one.publish_time = published ? published : one.log_time;
+        one.of = of;
+        one.packet = std::move(packet);
+        put(std::move(one));
+    }
+
+    template <class Event>
+    void note(const std::shared_ptr<const topic>& of, const Event& event) {
+        put(of, encode(event), 0);
+    }
+
+    void note_gap(const topic& of, std::optional<std::uint64_t> lost, std::string reason) {
+        ++counts.gaps;
+        gap_event event;
+        event.component = of.component();
+        event.service = of.service();
+        event.lost = lost;
+        event.reason = std::move(reason);
+        note(gaps, event);
+    }
+
+    // What did not find room is counted as soon as there is some.
+    void note_unwritten() {
+        auto all = std::exchange(unwritten, {});
+        for (auto& [name, what] : all) {
+            what.first.lost = what.second;
+            ++counts.gaps;
+            recorded_message one;
+            one.of = gaps;
+            one.sequence = sequences[gaps.get()]++;
+            one.log_time = one.publish_time = nanoseconds(self.wall());
+            one.packet = encode(what.first);
+            queue_size += size_of(one);
+            queue.push_back(std::move(one)); // beyond the limit: there is one for each service
+        }
+    }
+
+    bool trigger(const std::string& reason) {
+        if (options.ring == duration{}) return false;
+        self.log().info(fmt::format("the recording of the last {} s is written: {}",
+                                    std::chrono::duration<double>(options.ring).count(), reason));
+        if (in_ring()) {
+            ++counts.triggered;
+            for (auto& one : ring) {
+                queue_size += size_of(one);
+                queue.push_back(std::move(one));
+            }
+            ring.clear();
+            ring_size = 0;
+        }
+        record_until = saturating_add(self.now(), options.after);
+        return true;
+    }
+
+    void look_for_trigger(const std::string& what) {
+        if (options.triggers.empty() || !contains(options.triggers, what)) return;
+        trigger(what);
+    }
+
+    // --- writing ----------------------------------------------------------------------------------------------------
+
+    // Outside of the loop. The first failure that is not one of a single packet.
+    result<void> write(std::vector<recorded_message>& batch, bool flush, bool close, std::vector<failure>& refused) {
+        for (const auto& one : batch) {
+            auto done = file.write(one);
+            if (!done && done.error().code() == errc::malformed) {
+                refused.push_back(done.error());
+                continue;
+            }
+            if (!done) return done;
+        }
+        if (close) return file.close();
+        return flush ? file.flush() : result<void>();
+    }
+
+    task<> write_all() {
+        auto flushed = self.now();
+        if (options.ring == duration{}) { // a path that cannot be written is reported at once
+            result<void> begun;
+            auto begin = [this, now = nanoseconds(self.wall())] { return file.begin(now); };
+            begun = co_await self.offload(std::move(begin));
+            if (!begun) throw error(begun.error());
+            counts.files = file.counts().files;
+        }
+        for (;;) {
+            const bool last = finishing;
+            if (queue.empty()) note_unwritten();
+            auto batch = std::exchange(queue, {});
+            const auto batch_bytes = queue_size;
+            const bool close = last || (close_file && in_ring());
+            const bool flush = self.now() - flushed >= options.flush;
+            if (!batch.empty() || flush || close) {
+                if (flush) flushed = self.now();
+                if (close) close_file = false;
+                std::vector<failure> refused;
+                result<void> done;
+                auto work = [this, &batch, flush, close, &refused] { return write(batch, flush, close, refused); };
+                done = co_await self.offload(std::move(work));
+                if (!batch.empty() && !close && options.ring > duration{}) close_file = true;
+                queue_size -= batch_bytes;
+                counts.lost += refused.size();
+                for (const auto& one : refused)
+                    self.log().warning(fmt::format("a packet was not recorded: {}", one.message()));
+                counts.messages = file.counts().messages;
+                counts.bytes = file.counts().bytes;
+                counts.files = file.counts().files;
+                if (!done) throw error(done.error());
+            }
+            if (last && queue.empty() && unwritten.empty()) co_return;
+            if (!last) co_await self.sleep(write_period);
+        }
+    }
+
+    // The component stops, where nothing can be awaited any more: what has come is written while its loop waits.
+    void write_rest() {
+        note_unwritten();
+        std::vector<failure> refused;
+        if (auto done = write(queue, true, true, refused); !done)
+            self.log().warning(fmt::format("the end of the recording was not written: {}", done.error().message()));
+        queue.clear();
+    }
+
+    // --- what there is ----------------------------------------------------------------------------------------------
+
+    bool wanted(const service_text& service) const {
+        if (!service.provided || service.kind != static_cast<std::uint8_t>(service_kind::subscription)) return false;
+        if (contains(options.except, service.name)) return false;
+        if (!options.services.empty()) return contains(options.services, service.name);
+        return options.own_services || !service.name.starts_with("ise.");
+    }
+
+    void on_names(const naming::name_events& news) {
+        for (const auto& one : news.events) {
+            const auto& name = one.name;
+            if (!below_any(options.paths, name.path)) continue;
+            name_event event;
+            event.change = one.what == naming::name_change::removed ? "removed"
+                           : first_names                            ? "present"
+                           : one.what == naming::name_change::added ? "added"
+                                                                    : "changed";
+            event.path = name.path;
+            event.type = name.type;
+            event.state = name.state;
+            event.host = name.host_name;
+            event.process_id = name.process_id;
+            event.incarnation = name.incarnation;
+            event.endpoints = name.endpoints;
+            note(names, event);
+            if (one.what == naming::name_change::removed) {
+                present.erase(name.path);
+                look_for_trigger("gone:" + name.path);
+                continue;
+            }
+            present.insert(name.path);
+            if (name.path == self.path()) continue; // not itself
+            self.spawn("follow " + name.path, follow(shared_from_this(), name.path));
+        }
+        first_names = false;
+    }
+
+    static task<> watch_names(std::shared_ptr<state> me) {
+        auto& self = me->self;
+        auto where = me->options.name_server.value_or(default_name_server());
+        auto told = self.env().variable("ISE_NAME_SERVER");
+        if (!me->options.name_server && told && !told->empty()) where = endpoint::parse(*told).value();
+        auto server = self.at(where, std::string(naming::server_path));
+        while (!me->finishing) {
+            std::optional<failure> why;
+            subscriber<subscription<naming::name_events, naming::watch_request>> packets;
+            try {
+                packets = co_await server.subscribe(naming::watch, subscribe_options::lossless(1024));
+            } catch (const error& refused) {
+                why = refused.why();
+            }
+            while (!why) {
+                auto packet = co_await packets.next();
+                if (!packet) break;
+                me->on_names(*packet);
+            }
+            co_await self.sleep(pause_after_failure);
+        }
+    }
+
+    // Asks a component for its services, and records each that is not recorded yet.
+    static task<> follow(std::shared_ptr<state> me, std::string path) {
+        auto& self = me->self;
+        auto who = self.at(path);
+        describe_request question;
+        auto told = co_await who.try_call(describe_service, question, question_limit);
+        if (!told) {
+            self.log().warning(fmt::format("'{}' is not recorded yet: {}", path, told.error().message()));
+            co_return;
+        }
+        for (const auto& service : told->services) {
+            auto name = fmt::format("{}/{}", path, service.name);
+            const bool calls = service.provided && service.name == served_calls_service.name() && me->options.calls;
+            if ((!calls && !me->wanted(service)) || !me->followed.insert(name).second) continue;
+            auto contract = contract_of(service);
+            if (!contract) {
+                self.log().warning(fmt::format("'{}' is not recorded: {}", name, contract.error().message()));
+                continue;
+            }
+            if (calls) self.spawn("calls of " + path, record_calls(me, path, *told));
+            else self.spawn("record " + name, record(me, path, *contract));
+        }
+        if (me->options.parameters) co_await note_parameters(me, who, path);
+    }
+
+    static task<> note_parameters(std::shared_ptr<state> me, remote who, std::string path) {
+        parameters_request question;
+        auto told = co_await who.try_call(parameters_service, question, question_limit);
+        if (!told) co_return; // it has none
+        for (const auto& one : told->parameters) {
+            parameter_event event;
+            event.component = path;
+            event.name = one.about.name;
+            event.values = one.values;
+            event.unit = one.about.unit;
+            me->note(me->parameters, event);
+        }
+    }
+
+    std::shared_ptr<const topic> topic_of(const std::string& path, const dynamic_contract& service) {
+        auto& known = topics[fmt::format("{}/{}", path, service.name())];
+        if (!known || known->contract()->types()->fingerprints != service.types()->fingerprints) {
+            known = std::make_shared<const topic>(path, service);
+            ++counts.topics;
+        }
+        return known;
+    }
+
+    static task<> record(std::shared_ptr<state> me, std::string path, dynamic_contract service) {
+        auto& self = me->self;
+        auto of = me->topic_of(path, service);
+        auto who = self.at(path);
+        subscribe_options terms;
+        terms.policy = me->options.policy;
+        terms.depth = me->options.depth;
+        std::optional<failure> why;
+        auto request = default_packet(service.packet(role::subscribe_request));
+        auto stream = co_await subscribe_dynamic(who, service, std::move(request), terms);
+        if (!stream) {
+            me->note_gap(*of, std::nullopt, "no subscription: " + stream.error().message());
+            me->end(of->name());
+            co_return;
+        }
+        for (;;) {
+            auto packet = co_await stream->next();
+            if (!packet) break;
+            auto lost = packet.lost_before();
+            if (lost != 0)
+                me->note_gap(*of, lost,
+                             lost ? "lost on the way, or the recorder was too slow for the subscription (depth)"
+                                  : "the provider restarted, or the connection was lost");
+            const auto& raw = packet->encoded();
+            me->put(of, bytes(raw.begin(), raw.end()), 0, lost.value_or(0));
+            me->look_for_trigger(of->name());
+        }
+        me->note_gap(*of, std::nullopt, "the subscription ended: " + stream->cause().message());
+        me->end(of->name());
+    }
+
+    // It is followed anew at the next news of its name.
+    void end(const std::string& name) { followed.erase(name); }
+
+    static task<> record_calls(std::shared_ptr<state> me, std::string path, component_info about) {
+        auto& self = me->self;
+        std::map<std::string, std::shared_ptr<const topic>> of;
+        for (const auto& service : about.services) {
+            if (!service.provided || service.kind != static_cast<std::uint8_t>(service_kind::request_response))
+                continue;
+            if (contains(me->options.except, service.name) ||
+                (!me->options.services.empty() && !contains(me->options.services, service.name)))
+                continue;
+            auto contract = contract_of(service);
+            if (contract && !service.name.starts_with("ise.")) of[service.name] = me->topic_of(path, *contract);
+        }
+        auto key = fmt::format("{}/{}", path, served_calls_service.name());
+        auto terms = subscribe_options::last(4096);
+        terms.last_value = false;
+        subscriber<std::remove_const_t<decltype(served_calls_service)>> calls;
+        std::optional<failure> why;
+        try {
+            auto who = self.at(path);
+            calls = co_await who.subscribe(served_calls_service, terms);
+        } catch (const error& refused) {
+            why = refused.why();
+        }
+        while (!why) {
+            auto packet = co_await calls.next();
+            if (!packet) break;
+            auto found = of.find(packet->service);
+            if (packet.lost_before() != 0) {
+                gap_event event;
+                event.component = path;
+                event.service = std::string(served_calls_service.name());
+                event.lost = packet.lost_before();
+                event.reason = "calls were lost on the way";
+                ++me->counts.gaps;
+                me->note(me->gaps, event);
+            }
+            if (found == of.end()) continue;
+            recorded_call call;
+            call.caller = packet->caller;
+            call.outcome = packet->outcome;
+            call.message = packet->message;
+            call.took = packet->took;
+            call.request = packet->request;
+            if (packet->outcome == "ok") call.response = packet->response;
+            me->put(found->second, encode_call(call), nanoseconds(packet->asked_at));
+            me->look_for_trigger(found->second->name());
+        }
+        me->end(key);
+    }
+};
+
+recorder_core::recorder_core(component& self, recorder_options options)
+    : state_(std::make_shared<state>(self, std::move(options))) {}
+recorder_core::~recorder_core() { state_->finishing = true; }
+
+task<> recorder_core::run() {
+    auto held = state_;
+    held->self.spawn("names", state::watch_names(held));
+    std::exception_ptr thrown;
+    try {
+        co_await held->write_all();
+    } catch (...) {
+        thrown = std::current_exception();
+    }
+    if (thrown && is_cancellation(thrown)) held->write_rest();
+    if (thrown) std::rethrow_exception(thrown);
+}
+
+void recorder_core::finish() { state_->finishing = true; }
+bool recorder_core::trigger(const std::string& reason) { return state_->trigger(reason); }
+const recorder_counts& recorder_core::counts() const noexcept { return state_->counts; }
+
+task<> recorder::run() {
+    recorder_core core(*this, options_);
+    provide(trigger_service, [&core](const trigger_request& request) {
+        if (!core.trigger(request.reason))
+            throw error(errc::refused, "this recorder has no ring: it records all the time (--ring)");
+        trigger_response made;
+        made.triggered = core.counts().triggered;
+        return made;
+    });
+    provide(recorder_status_service, [&core](const recorder_status_request&) { return core.counts(); });
+    co_await core.run();
+}
+
+} // namespace ise::bag

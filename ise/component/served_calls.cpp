@@ -1,0 +1,36 @@
+#include <ise/component/served_calls.hpp>
+
+#include <ise/call/call_tap.hpp>
+#include <ise/core/environment.hpp>
+#include <ise/core/loop.hpp>
+#include <ise/service/service_host.hpp>
+#include <ise/subscription/publication.hpp>
+
+#include <memory>
+#include <utility>
+
+namespace ise {
+
+void provide_served_calls(service_host& of) {
+    auto wanted = of.env().variable(record_calls_variable);
+    if (!wanted || wanted->empty() || *wanted == "0") return;
+    auto core = make_publication(of, served_calls_service);
+    of.services().add(core).value();
+    of.on().common<call_taps>().watch(of, [held = std::weak_ptr<publication_core>(core)](tapped_call call) {
+        auto core = held.lock();
+        if (!core || core->subscribers() == 0) return;
+        served_call made;
+        made.service = std::move(call.service);
+        made.caller = std::move(call.caller);
+        made.asked_at = call.asked_at;
+        made.took = call.took;
+        made.outcome = std::move(call.outcome);
+        made.message = std::move(call.message);
+        made.request = std::move(call.request);
+        made.response = std::move(call.response);
+        publication<std::remove_const_t<decltype(served_calls_service)>> out(core);
+        out(made);
+    });
+}
+
+} // namespace ise

@@ -1,0 +1,34 @@
+#pragma once
+#include <ise/core/bytes.hpp>
+#include <ise/core/time.hpp>
+#include <ise/session/contract.hpp>
+
+#include <cstdint>
+#include <string>
+
+/// The calls that a component serves, for recorders.
+namespace ise {
+
+class service_host;
+
+/// A call that a component has served. Fields are only ever appended.
+struct served_call {
+    std::string service;  ///< its name
+    std::string caller;   ///< its path, or its address
+    wall_time asked_at{}; ///< when the request was read
+    duration took{};      ///< until it was answered
+    std::string outcome;  ///< "ok", or the name of an errc; "cancelled" where the caller gave it up
+    std::string message;  ///< of a failure
+    bytes request;        ///< in the layout of the component's own description
+    bytes response;       ///< the same, where the outcome is "ok"
+};
+
+/// Publishes every call that the component has served, but for those of ISE's own services. A component provides it
+/// where the environment variable `record_calls_variable` is set and not 0: it shows requests to every peer.
+inline constexpr subscription<served_call> served_calls_service{"ise.calls"};
+inline constexpr const char* record_calls_variable = "ISE_RECORD_CALLS"; ///< see above
+
+/// Provides the service, if the environment asks for it.
+void provide_served_calls(service_host& of);
+
+} // namespace ise
