@@ -77,6 +77,7 @@ QWidget* boat_panel::make_parameters() {
         name->setToolTip(text(std::string(info.meaning)));
         made.confirmed = rich_label(box);
         made.confirmed->setText("–");
+        made.confirmed->setFixedWidth(104); // whatever the age: the boxes beside it stay where they are
         made.confirmed->setObjectName("confirmed_" + text(std::string(name_of(info.id))));
         made.wanted = new number_box(static_cast<double>(info.minimum), static_cast<double>(info.maximum), box);
         made.wanted->setObjectName("wanted_" + text(std::string(name_of(info.id))));
@@ -169,6 +170,7 @@ QWidget* boat_panel::make_rare() {
     connect(status, &QPushButton::clicked, this, [this] { actions_.give(commands::request_status()); });
     beacon_ = new QPushButton(tr("Beacon on…"), box);
     beacon_->setObjectName("beacon");
+    beacon_->setMinimumWidth(QFontMetrics(font_of(smallest_text)).horizontalAdvance(tr("Beacon off…")) + 24);
     beacon_->setProperty("role", "danger");
     connect(beacon_, &QPushButton::clicked, this, [this] { actions_.give(commands::emergency_beacon{!beacon_on_}); });
     auto* reboot = new QPushButton(tr("Reboot…"), box);

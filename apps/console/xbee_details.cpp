@@ -43,6 +43,7 @@ xbee_details::xbee_details(std::string path, operator_actions& actions, QWidget*
     duty_->setToolTip(
         tr("Used part of the allowed duty cycle over the last hour; at 100 % the modem stops transmitting"));
     temperature_ = rich_label(this);
+    temperature_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
     failed_ = new QLabel(this);
     retries_ = new QLabel(this);
     answer_ = value_grid::small({}, this);

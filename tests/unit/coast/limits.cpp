@@ -53,12 +53,12 @@ TEST_CASE("sea limits: the courses of the bay are in the water, and La Isleta is
     CHECK(sea->trouble({28.1530, -15.4480}, {40.0, -40.0}) == std::nullopt);
 }
 
-TEST_CASE("sea limits: of 1,000 random legs around the island, those over land are all found, and only those") {
+TEST_CASE("sea limits: of 200 random legs around the island, those over land are all found, and only those") {
     auto sea = sea_limits::coast_only();
     std::mt19937 random(20261125);
     std::uniform_real_distribution<double> latitude(27.65, 28.25), longitude(-15.90, -15.30);
     int over_land = 0, missed = 0, wrong = 0;
-    for (int i = 0; i < 1000; ++i) {
+    for (int i = 0; i < 200; ++i) {
         coast_point a{latitude(random), longitude(random)}, b{latitude(random), longitude(random)};
         bool touches = touches_land(*sea, a, b), found = sea->trouble(a, b).has_value();
         over_land += touches;
@@ -74,7 +74,7 @@ TEST_CASE("sea limits: of 1,000 random legs around the island, those over land a
             CHECK(std::abs(sea->clearance_m(place, 100)) < 1);
         }
     }
-    CHECK(over_land > 100);
+    CHECK(over_land > 20);
     CHECK(missed == 0);
     CHECK(wrong < 10);
 }
