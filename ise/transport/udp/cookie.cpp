@@ -7,8 +7,8 @@ namespace ise::net::udp {
 namespace {
 
 // A key is used for this long; the one before it is still known then.
-constexpr duration key_life = std::chrono::minutes(2);
-static_assert(key_life > cookie_jar::lifetime);
+constexpr duration secret_life = std::chrono::minutes(2);
+static_assert(secret_life > cookie_jar::lifetime);
 
 struct sip_state {
     std::uint64_t v0, v1, v2, v3;
@@ -58,7 +58,7 @@ cookie_jar::cookie_jar(environment& env) : env_(env), key_(draw(env)), former_(d
 
 void cookie_jar::turn(time_point now) {
     if (drawn_ == time_point{}) drawn_ = now;
-    if (now - drawn_ < key_life) return;
+    if (now - drawn_ < secret_life) return;
     former_ = key_;
     key_ = draw(env_);
     drawn_ = now;
