@@ -122,7 +122,7 @@ ise::result<void> autopilot::stage(std::size_t index, waypoint point) {
     return {};
 }
 
-ise::result<void> autopilot::adopt(std::size_t count, std::uint32_t checksum, const boat_state& state) {
+ise::result<std::vector<waypoint>> autopilot::staged(std::size_t count, std::uint32_t checksum) const {
     if (count > max_waypoints)
         return ise::failure(ise::errc::invalid_argument, fmt::format("a list has {} waypoints at most", max_waypoints));
     std::vector<waypoint> fresh;
@@ -133,15 +133,18 @@ ise::result<void> autopilot::adopt(std::size_t count, std::uint32_t checksum, co
         fresh.push_back(found->second);
     }
     if (mission_checksum(fresh) != checksum) return ise::failure(ise::errc::refused, "the staged list is another one");
-    list_ = std::move(fresh);
+    return fresh;
+}
+
+void autopilot::replace(std::vector<waypoint> list, const boat_state& state) {
+    list_ = std::move(list);
     staged_.clear();
     active_ = 0;
     laps_ = 0;
     ++revision_;
-    if (mode_ != sailing_mode::automatic) return {};
+    if (mode_ != sailing_mode::automatic) return;
     has_target_ = at_station_ = false;
     if (!list_.empty()) aim_at_active(state.position_m);
-    return {};
 }
 
 float autopilot::parameter(parameter_id id) const {

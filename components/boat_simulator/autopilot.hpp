@@ -3,6 +3,7 @@
 #include <components/boat/telemetry.hpp>
 #include <components/boat_simulator/line_follower.hpp>
 
+#include <cstdint>
 #include <map>
 #include <vector>
 
@@ -35,9 +36,10 @@ public:
     void clear();
     /// Keeps a waypoint of a list to come; the one that was kept for that place is forgotten. Lost with a reboot.
     ise::result<void> stage(std::size_t index, waypoint point);
-    /// Puts the first `count` staged waypoints in the place of the list, all or nothing, and forgets them. Errors:
-    /// refused, with what is missing or differs; the list and what is staged stay.
-    ise::result<void> adopt(std::size_t count, std::uint32_t checksum, const boat_state& state);
+    /// The first `count` staged waypoints as a list. Errors: refused, with what is missing or differs.
+    ise::result<std::vector<waypoint>> staged(std::size_t count, std::uint32_t checksum) const;
+    /// Puts a list in the place of the present one, all or nothing, and forgets what is staged.
+    void replace(std::vector<waypoint> list, const boat_state& state);
     void forget_staged() { staged_.clear(); }
 
     float parameter(parameter_id id) const; ///< 0 for a number without a name

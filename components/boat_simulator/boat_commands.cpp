@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace atirma::simulator {
 
@@ -198,7 +199,12 @@ struct simulated_boat::command_handlers {
         return nothing_to_say(boat.pilot_.stage(at.index, at.point));
     }
     outcome operator()(const commands::mission_switch& to) {
-        return list_changed(boat.pilot_.adopt(to.count, to.checksum, boat.state_));
+        auto list = boat.pilot_.staged(to.count, to.checksum);
+        if (!list) return list.error();
+        if (boat.pilot_.parameter(parameter_id::fence) != 0)
+            if (auto good = boat.guard_.allows(*list); !good) return good.error();
+        boat.pilot_.replace(std::move(*list), boat.state_);
+        return list_changed({});
     }
     outcome operator()(const commands::unknown&) { return std::string(); } // answered earlier
 };

@@ -113,6 +113,13 @@ TEST_CASE(
     CHECK(it.tell(commands::waypoint_add{chart.to_waypoint({370, 0})}).text.find("it turns back at 60 m") !=
           std::string::npos);
     CHECK(it.tell(commands::waypoint_add{chart.to_waypoint({200, 0})}).code == ack_code::done);
+    // So is a whole list, which is uploaded in parts.
+    const auto before = it.boat.pilot().list().size();
+    const std::vector<waypoint> list{chart.to_waypoint({100, 0}), outside};
+    for (std::uint8_t i = 0; i < 2; ++i) it.tell(commands::mission_stage{i, list[i]});
+    CHECK(it.tell(commands::mission_switch{2, mission_checksum(list)}).text.find("outside the fence") !=
+          std::string::npos);
+    CHECK(it.boat.pilot().list().size() == before);
     CHECK(it.tell(commands::set_parameter{parameter_id::fence, 0}).code == ack_code::done);
     CHECK(it.tell(commands::waypoint_insert{0, outside}).code == ack_code::done);
     it.tell(commands::waypoint_select{0});
