@@ -11,6 +11,7 @@
 #include <ise/naming/services.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/packet/dynamic.hpp>
+#include <ise/service/action.hpp>
 #include <ise/service/dynamic.hpp>
 
 #include <fmt/format.h>
@@ -316,6 +317,10 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
             auto contract = contract_of(service);
             if (!contract) {
                 self.log().warning(fmt::format("'{}' is not recorded: {}", name, contract.error().message()));
+                continue;
+            }
+            if (is_action(*contract->types())) { // to subscribe would start a run
+                self.log().info(fmt::format("'{}' is not recorded: it is an action", name));
                 continue;
             }
             if (calls) self.spawn("calls of " + path, record_calls(me, path, *told));
