@@ -20,7 +20,8 @@ extern const command list_command, describe_command, call_command, echo_command,
     stop_command, restart_command, kill_command, logs_command, ps_command, up_command, down_command, diff_command,
     validate_command, param_command, doctor_command, graph_command, top_command, ping_command, bench_command,
     bw_command, delay_command, tree_command, services_command, types_command, type_command, completion_command,
-    version_command, pub_command, mock_command, run_command, access_command, keys_command, record_command, bag_command;
+    version_command, pub_command, mock_command, run_command, access_command, keys_command, record_command, bag_command,
+    play_command;
 
 namespace {
 

@@ -17,7 +17,7 @@ class service_runtime;
 /// A call that a component served, for whoever records it.
 struct tapped_call {
     std::string service;
-    std::string caller;   ///< its path, or its address
+    std::string caller;   ///< its path and its address, for people
     wall_time asked_at{}; ///< when the request was read
     duration took{};      ///< until the answer
     std::string outcome;  ///< "ok", or the name of an errc

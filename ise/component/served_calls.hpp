@@ -14,7 +14,7 @@ class service_host;
 /// A call that a component has served. Fields are only ever appended.
 struct served_call {
     std::string service;  ///< its name
-    std::string caller;   ///< its path, or its address
+    std::string caller;   ///< its path and its address, for people
     wall_time asked_at{}; ///< when the request was read
     duration took{};      ///< until it was answered
     std::string outcome;  ///< "ok", or the name of an errc; "cancelled" where the caller gave it up

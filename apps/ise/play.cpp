@@ -1,0 +1,131 @@
+// ise play: plays a recording into the running system.
+#include "json.hpp"
+#include "options.hpp"
+#include "target.hpp"
+#include "text.hpp"
+
+#include <ise/bag/player.hpp>
+#include <ise/component/node.hpp>
+#include <ise/core/loop.hpp>
+
+#include <fmt/format.h>
+
+#include <memory>
+#include <utility>
+
+namespace ise::cli {
+namespace {
+
+struct play_options {
+    bag::player_options what;
+    std::vector<std::string> renamed;
+};
+
+struct play_answer {
+    std::string file;
+    std::vector<std::string> paths;
+    std::uint64_t packets = 0, answered = 0, unknown = 0, called = 0, compared = 0;
+    if_any<std::string> difference;
+};
+
+std::string as_text(const play_answer& of) {
+    auto text = fmt::format("played {} packets, answered {} calls\n", of.packets, of.answered);
+    if (of.unknown > 0) text += fmt::format("refused {} calls that the recording does not have\n", of.unknown);
+    if (of.compared > 0)
+        text += fmt::format("made {} calls, compared {} packets and answers\n", of.called, of.compared);
+    if (of.difference) text += "first difference: " + printable(*of.difference) + "\n";
+    return text;
+}
+
+// The node of the played components, which is made and ended on other threads than the command's.
+struct stage {
+    std::unique_ptr<node> running;
+    std::unique_ptr<bag::player> play;
+    bool stopped = false;
+};
+
+task<> play(context& in, play_options options) {
+    [[maybe_unused]] auto server = co_await reach_name_server(in); // whether there is one
+    auto on = std::make_shared<stage>();
+    node_options of;
+    of.name = "ise play";
+    of.name_server = name_server_of(in.set, in.self.env());
+    of.security = in.set.security;
+    of.log = in.set.verbose ? log_to_stderr(log_level::debug) : log_sink();
+    auto& env = in.self.env();
+    auto begin = [on, of, &env, &options] {
+        on->running = std::make_unique<node>(env, of);
+        on->play = std::make_unique<bag::player>(*on->running, options.what);
+    };
+    in.ctrl_c.care(in.self.on(), [on] { on->stopped = true; });
+    co_await in.self.offload(begin);
+    note(in.set, fmt::format("playing {} as {}; Ctrl-C ends it", printable(options.what.file),
+                             printable(enumerate(on->play->paths()))));
+    while (!on->play->done() && !on->stopped) {
+        co_await in.self.sleep(std::chrono::milliseconds(50));
+    }
+    auto end = [on] {
+        on->running->stop();
+        on->running->wait();
+    };
+    co_await in.self.offload(end);
+    in.ctrl_c.leave();
+    play_answer answer;
+    answer.file = options.what.file;
+    answer.paths = on->play->paths();
+    auto counts = on->play->counts();
+    answer.packets = counts.packets;
+    answer.answered = counts.answered;
+    answer.unknown = counts.unknown;
+    answer.called = counts.called;
+    answer.compared = counts.compared;
+    auto different = on->play->first_difference();
+    if (different) answer.difference = different->text();
+    auto text = in.set.json ? json_line(answer) : as_text(answer);
+    auto trouble = on->play->trouble();
+    auto close = [on] {
+        on->play.reset();
+        on->running.reset();
+    };
+    co_await in.self.offload(close);
+    co_await in.out.write(in.self, std::move(text));
+    if (trouble) throw problem(*trouble);
+    if (different)
+        throw problem(exit_code::failed, "different", "the tested components behave otherwise than in the recording");
+}
+
+void declare_play(CLI::App& app, parsed_command& made) {
+    auto given = std::make_shared<play_options>();
+    auto& what = given->what;
+    app.add_option("FILE", what.file, "a recording")->required();
+    add_each(app, "--only", what.only, "this component or topic, or those below it; may be given several times",
+             "TOPIC");
+    add_each(app, "--rename", given->renamed, "plays a component, or those below a path, under another", "PATH=PATH");
+    add_each(app, "--test", what.tested,
+             "a component that runs: recorded calls to it are made, and what it does is compared", "PATH");
+    app.add_option("--speed", what.speed, "2: twice as fast (default: 1)")->type_name("FACTOR");
+    app.add_flag("--loop", what.loop, "begin again at the end");
+    app.callback([&made, given] {
+        if (!(given->what.speed > 0 && given->what.speed <= 1e9))
+            throw problem(exit_code::usage, "usage", "--speed: a number above 0, such as 0.5 or 10");
+        for (const auto& one : given->renamed) {
+            auto [from, to] = name_and_value(one, "--rename");
+            check_name(from);
+            check_name(to);
+            given->what.as[from] = to;
+        }
+        made.endless = true;
+        made.work = [given](context& in) { return play(in, *given); };
+    });
+}
+
+} // namespace
+
+extern const command play_command{
+    "play", record_group, "plays a recording into the running system",
+    "  ise play voyage.mcap\n"
+    "  ise play voyage.mcap --only atirma/boat --rename atirma/boat=replay/boat --speed 10\n"
+    "  ise play voyage.mcap --test atirma/navigator\n",
+    declare_play};
+
+} // namespace ise::cli

@@ -1,0 +1,287 @@
+// Recording and replay of a system on the virtual world.
+#include <ise/bag/player.hpp>
+#include <ise/bag/reader.hpp>
+#include <ise/bag/recorder.hpp>
+#include <ise/bag/recording.hpp>
+#include <ise/component/served_calls.hpp>
+#include <ise/packet/codec.hpp>
+
+#include <support/catch.hpp>
+#include <unit/name_server/system.hpp>
+
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <iterator>
+#include <map>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace {
+
+using namespace ise;
+using namespace names_test;
+
+// A folder that goes with the test.
+class folder {
+public:
+    folder() {
+        std::string name = (std::filesystem::temp_directory_path() / "ise_bag_XXXXXX").string();
+        path_ = ::mkdtemp(name.data());
+    }
+    ~folder() { std::filesystem::remove_all(path_); }
+    std::string file(const std::string& name) const { return path_ + "/" + name; }
+
+private:
+    std::string path_;
+};
+
+class tripler final : public component {
+    task<> run() override {
+        provide(twice, [](number rq) {
+            number answer{rq.value * 3};
+            return answer;
+        });
+        for (;;) co_await sleep(1h);
+    }
+};
+
+/// A boat whose calls are shown, a caller, and a recorder.
+struct voyage {
+    explicit voyage(bag::recorder_options options) {
+        begin("boat", [](node& in) { in.start<doubler>("atirma/boat", everywhere()); });
+        begin("log", [this, options](node& in) {
+            recording = &in;
+            in.start<bag::recorder>("atirma/recorder", everywhere(), options);
+        });
+        in.start_body("shore", "caller", [](component& self) -> task<> {
+            co_await self.sleep(2s);
+            auto boat = co_await self.find("atirma/boat");
+            for (std::int64_t value : {21, 7, 21}) {
+                number request{value};
+                [[maybe_unused]] auto got = co_await boat.call(twice, request);
+            }
+            for (;;) co_await self.sleep(1h);
+        });
+    }
+    void begin(const std::string& host, std::function<void(node&)> what) {
+        auto run = [what](sim::process& env) {
+            auto made = std::make_shared<program>(env, names_test::node_options());
+            what(made->node);
+            return made;
+        };
+        in.world.host(host).start_process(
+            host, run,
+            {{"ISE_NAME_SERVER", "tcp://" + in.world.host("ns").address() + ":7400"}, {record_calls_variable, "1"}});
+    }
+    void sail(duration length = 5s) {
+        in.world.run_for(length);
+        recording->stop();
+        REQUIRE(in.world.run_until([&] { return recording->all_stopped(); }));
+    }
+
+    names_test::system in;
+    node* recording = nullptr;
+};
+
+bag::recorder_options recording_to(const std::string& file) {
+    bag::recorder_options made;
+    made.paths = {"atirma/boat"};
+    made.files.file = file;
+    return made;
+}
+
+std::string content(const std::string& path) {
+    std::ifstream in(path, std::ios::binary);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+}
+
+struct read_back {
+    explicit read_back(const std::string& path) : file(bag::open_file(path).value()) {
+        about = bag::read_summary(*file, bag::depth::whole).value();
+        for (const auto& [id, channel] : about.channels) topics.emplace(id, bag::topic::of(channel).value());
+        bag::message_reader in(*file, about);
+        for (auto got = in.next().value(); got; got = in.next().value()) {
+            const auto& topic = topics.at(got->channel_id);
+            all[topic.name()].push_back(topic.packet().decode(got->data).value());
+        }
+    }
+    const bag::topic& topic(const std::string& name) const {
+        for (const auto& [id, one] : topics)
+            if (one.name() == name) return one;
+        throw std::out_of_range(name);
+    }
+
+    std::unique_ptr<bag::source> file;
+    bag::summary about;
+    std::map<std::uint16_t, bag::topic> topics;
+    std::map<std::string, std::vector<bytes>> all;
+};
+
+} // namespace
+
+TEST_CASE("a recorder writes packets, calls and names, and closes its file when it stops", "[bag]") {
+    folder tmp;
+    voyage sea(recording_to(tmp.file("a.mcap")));
+    sea.sail();
+    read_back got(tmp.file("a.mcap"));
+    CHECK(got.about.complete);
+    CHECK(!got.about.damage);
+    const auto& counts = got.all["atirma/boat/count"];
+    REQUIRE(counts.size() > 30);
+    auto first = decode<number>(counts[0]).value;
+    for (std::size_t i = 0; i < counts.size(); ++i)
+        CHECK(decode<number>(counts[i]).value == first + static_cast<std::int64_t>(i));
+    CHECK(got.all["ise/gaps"].empty());
+    REQUIRE(!got.all["ise/names"].empty());
+    CHECK(decode<bag::name_event>(got.all["ise/names"][0]).path == "atirma/boat");
+    const auto& calls = got.all["atirma/boat/twice"];
+    REQUIRE(calls.size() == 3);
+    auto call = bag::decode_call(*got.topic("atirma/boat/twice").contract(), calls[1]).value();
+    CHECK(call.outcome == "ok");
+    CHECK(call.caller.starts_with("test/caller ("));
+    CHECK(decode<number>(call.request).value == 7);
+    REQUIRE(call.response);
+    CHECK(decode<number>(*call.response).value == 14);
+}
+
+TEST_CASE("the same voyage is recorded byte for byte the same", "[bag]") {
+    folder tmp;
+    for (std::string name : {"a.mcap", "b.mcap"}) {
+        voyage sea(recording_to(tmp.file(name)));
+        sea.sail();
+    }
+    CHECK(content(tmp.file("a.mcap")).size() > 1000);
+    CHECK(content(tmp.file("a.mcap")) == content(tmp.file("b.mcap")));
+}
+
+TEST_CASE("a recording is split by time, and each file is whole", "[bag]") {
+    folder tmp;
+    auto options = recording_to(tmp.file("a.mcap"));
+    options.files.split_time = 2s;
+    voyage sea(options);
+    sea.sail();
+    std::int64_t next = 0;
+    for (std::string name : {"a_0001.mcap", "a_0002.mcap"}) {
+        read_back got(tmp.file(name));
+        CHECK(got.about.complete);
+        for (const auto& one : got.all["atirma/boat/count"]) {
+            auto value = decode<number>(one).value;
+            CHECK((next == 0 || value == next));
+            next = value + 1;
+        }
+    }
+    CHECK(next > 30);
+}
+
+TEST_CASE("what does not find room on the way to the disk is counted in the file", "[bag]") {
+    folder tmp;
+    auto options = recording_to(tmp.file("a.mcap"));
+    options.queue_bytes = 1; // nothing has room
+    voyage sea(options);
+    sea.sail();
+    read_back got(tmp.file("a.mcap"));
+    CHECK(got.all["atirma/boat/count"].empty());
+    std::uint64_t lost = 0;
+    for (const auto& one : got.all["ise/gaps"]) {
+        auto event = decode<bag::gap_event>(one);
+        if (event.service != "count") continue;
+        REQUIRE(event.lost);
+        lost += *event.lost;
+        CHECK(event.reason.find("queue_bytes") != std::string::npos);
+    }
+    CHECK(lost > 30);
+}
+
+TEST_CASE("a ring is written with what came before its trigger", "[bag]") {
+    folder tmp;
+    auto options = recording_to(tmp.file("a.mcap"));
+    options.ring = 1s;
+    options.after = 500ms;
+    options.triggers = {"atirma/boat/twice"}; // called after two seconds
+    voyage sea(options);
+    sea.sail(6s);
+    CHECK(!std::filesystem::exists(tmp.file("a_0002.mcap")));
+    read_back got(tmp.file("a_0001.mcap"));
+    CHECK(got.about.complete);
+    const auto& counts = got.all["atirma/boat/count"];
+    CHECK(counts.size() >= 13);
+    CHECK(counts.size() <= 17);
+    CHECK(got.all["atirma/boat/twice"].size() == 3);
+}
+
+TEST_CASE("a recording is played: its packets at their times, its calls as they were answered", "[bag]") {
+    folder tmp;
+    {
+        voyage sea(recording_to(tmp.file("a.mcap")));
+        sea.sail();
+    }
+    names_test::system in;
+    std::unique_ptr<bag::player> play;
+    std::vector<std::pair<time_point, std::int64_t>> came;
+    std::vector<std::string> answers;
+    in.start("replay", "player", [&](node& on) {
+        bag::player_options options;
+        options.file = tmp.file("a.mcap");
+        options.as["atirma"] = "replay";
+        options.delay = 3s;
+        play = std::make_unique<bag::player>(on, options);
+        on.start("test/viewer", [&](component& self) -> task<> {
+            auto boat = co_await self.find("replay/boat");
+            self.listen(boat, count, [&](const number& one) { came.emplace_back(self.now(), one.value); });
+            for (std::int64_t value : {21, 7, 7, 5}) {
+                number request{value};
+                auto got = co_await boat.try_call(twice, request);
+                answers.push_back(got ? std::to_string(got->value) : std::string(name_of(got.error().code())));
+            }
+            for (;;) co_await self.sleep(1h);
+        });
+    });
+    REQUIRE(play);
+    CHECK(play->paths() == std::vector<std::string>{"replay/boat"});
+    REQUIRE(in.world.run_until([&] { return play->done(); }));
+    in.world.run_for(1s);
+    CHECK(!play->trouble());
+    CHECK(answers == std::vector<std::string>{"42", "14", "14", "refused"});
+    read_back recorded(tmp.file("a.mcap"));
+    const auto& counts = recorded.all["atirma/boat/count"];
+    REQUIRE(came.size() == counts.size());
+    for (std::size_t i = 0; i < came.size(); ++i) CHECK(came[i].second == decode<number>(counts[i]).value);
+    for (std::size_t i = 2; i < came.size(); ++i) { // the first may be a last value
+        CHECK(came[i].first - came[i - 1].first > 90ms);
+        CHECK(came[i].first - came[i - 1].first < 110ms);
+    }
+}
+
+TEST_CASE("recorded calls are made to a component under test, and the first other answer is shown", "[bag]") {
+    folder tmp;
+    {
+        voyage sea(recording_to(tmp.file("a.mcap")));
+        sea.sail();
+    }
+    for (bool right : {true, false}) {
+        names_test::system in;
+        std::unique_ptr<bag::player> play;
+        in.start("host", "tested", [&](node& on) {
+            if (right) on.start<doubler>("atirma/boat");
+            else on.start<tripler>("atirma/boat");
+            bag::player_options options;
+            options.file = tmp.file("a.mcap");
+            options.only = {"atirma/boat/twice"};
+            options.tested = {"atirma/boat"};
+            play = std::make_unique<bag::player>(on, options);
+        });
+        REQUIRE(in.world.run_until([&] { return play->done(); }));
+        CHECK(play->counts().called == 3);
+        CHECK(play->counts().compared == 3);
+        auto first = play->first_difference();
+        CHECK(first.has_value() == !right);
+        if (first)
+            CHECK(first->text() == R"(atirma/boat/twice, number 0: {"value":42} in the recording, {"value":63} now)");
+    }
+}
