@@ -304,9 +304,9 @@ task<> cat(context& in, bag_options options) {
 // --- cut and merge ---------------------------------------------------------------------------------------------------
 
 // Channels of several files in one: equal ones become one.
-class joined {
+class joined_channels {
 public:
-    explicit joined(bag::writer& to) : to_(to) {}
+    explicit joined_channels(bag::writer& to) : to_(to) {}
     std::uint16_t channel(std::size_t file, const bag::summary& about, std::uint16_t id) {
         auto known = ids_.find({file, id});
         if (known != ids_.end()) return known->second;
@@ -349,7 +349,7 @@ copy_answer copy(const bag_options& options) {
     }
     for (std::size_t i = 0; i < all.size(); ++i) refuse_unknown_topics(options, options.files[i], all[i].file.about);
     auto out = create(options.out);
-    joined channels(out);
+    joined_channels channels(out);
     for (auto& one : all) {
         for (const auto& where : one.file.about.metadata)
             out.write(bag::read_metadata(*one.file.file, where).value()).value();

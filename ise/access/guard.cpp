@@ -38,14 +38,21 @@ std::string deed(const request& what) {
     return {};
 }
 
+// Texts of peers are cut: they go into answers and into the audit log.
+std::string cut(std::string text) {
+    constexpr std::size_t most = 1024;
+    if (text.size() > most) text.replace(most, std::string::npos, "...");
+    return text;
+}
+
 } // namespace
 
 failure denial(std::string_view identity, const request& what, const verdict& why, const policy& by) {
     auto who = std::string(shown(identity));
     auto cause = why.denied ? fmt::format("{} denies it", rule_of(why, by))
                             : fmt::format("no rule of {} allows it", file_name(by.file()));
-    return {errc::access_denied,
-            fmt::format("{} may not {}: {} (ise access why {} {})", who, deed(what), cause, who, text_of(what))};
+    return {errc::access_denied, fmt::format("{} may not {}: {} (ise access why {} {})", who, cut(deed(what)), cause,
+                                             who, cut(text_of(what)))};
 }
 
 guard::guard(environment& env, std::string file, audit_log audit)
@@ -140,7 +147,7 @@ void guard::note(const verified_peer& by, const request& what, std::string_view 
     entry.serial = by.serial;
     entry.from = by.from;
     entry.component = component;
-    entry.what = text_of(what);
+    entry.what = cut(text_of(what));
     entry.allowed = why.allowed;
     entry.rule = rule_of(why, *current());
     audit_.keep(entry);

@@ -114,7 +114,7 @@ result<std::map<std::string, std::shared_ptr<answer_book>>> read_answers(Shared&
 }
 
 errc code_named(const std::string& name) {
-    for (int code = 1; code <= static_cast<int>(errc::not_connected); ++code)
+    for (int code = 1; code <= static_cast<int>(errc::access_denied); ++code)
         if (name_of(static_cast<errc>(code)) == name) return static_cast<errc>(code);
     return errc::handler_failed;
 }

@@ -376,7 +376,8 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
                              lost ? "lost on the way, or the recorder was too slow for the subscription (depth)"
                                   : "the provider restarted, or the connection was lost");
             const auto& raw = packet->encoded();
-            me->put(of, bytes(raw.begin(), raw.end()), 0, lost.value_or(0));
+            const auto at = packet.published_at();
+            me->put(of, bytes(raw.begin(), raw.end()), at ? nanoseconds(*at) : 0, lost.value_or(0));
             me->look_for_trigger(of->name());
         }
         me->note_gap(*of, std::nullopt, "the subscription ended: " + stream->cause().message());

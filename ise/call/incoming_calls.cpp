@@ -27,13 +27,6 @@ struct answer_room {
     }
 };
 
-// Nothing for no identity.
-std::uint64_t mark_of(std::string_view who) noexcept {
-    std::uint64_t hash = 0;
-    for (char one : who) hash = (hash ^ static_cast<unsigned char>(one) ^ 0xcbf29ce484222325) * 0x100000001b3;
-    return hash;
-}
-
 call_taps& taps_of(service_runtime& runtime) { return runtime.on().common<call_taps>(); }
 
 // Notes the beginning of a call for whoever records it.
@@ -124,8 +117,8 @@ void incoming_calls::review() {
 reply_cache& incoming_calls::replies() {
     if (!replies_) {
         // What was answered to one identity is not shown to another, whatever it says of itself.
-        auto key = over_.peer().reply_key ^ mark_of(over_.verified().who);
-        replies_ = answered_.of(key, over_.peer().incarnation, over_.on().now());
+        replies_ =
+            answered_.of(over_.peer().reply_key, over_.peer().incarnation, over_.on().now(), over_.verified().who);
         self_ = std::shared_ptr<incoming_calls>(over_.shared_from_this(), this);
     }
     return *replies_;
@@ -269,7 +262,7 @@ void incoming_calls::serve(binding& of, const request_head& head, incoming_packe
         return;
     }
     if (head.number != 0 && seen_before(of, head)) return;
-    if (of.audited) over_.note_use(of.name);
+    if (of.audited) over_.note_use(service_kind::request_response, of.name);
     occupy(of, head, false);
     incoming_call call;
     call.id = head.id;

@@ -184,8 +184,9 @@ void reply_cache::forget_answers() {
     took(room_, room);
 }
 
-std::shared_ptr<reply_cache> reply_windows::of(std::uint64_t reply_key, std::uint64_t incarnation, time_point now) {
-    auto& known = all_[{reply_key, incarnation}];
+std::shared_ptr<reply_cache> reply_windows::of(std::uint64_t reply_key, std::uint64_t incarnation, time_point now,
+                                               std::string_view who) {
+    auto& known = all_[{reply_key, incarnation, std::string(who)}];
     if (known) return known;
     known = std::make_shared<reply_cache>(dropped_any_, room_);
     auto made = known;

@@ -7,6 +7,9 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <string>
+#include <string_view>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -125,7 +128,8 @@ public:
     /// Of all; whose last call is longest ago forget their answers.
     static constexpr std::size_t max_kept_bytes = std::size_t{64} << 20;
 
-    std::shared_ptr<reply_cache> of(std::uint64_t reply_key, std::uint64_t incarnation, time_point now);
+    std::shared_ptr<reply_cache> of(std::uint64_t reply_key, std::uint64_t incarnation, time_point now,
+                                    std::string_view who = {});
     /// After each answer, since that is what takes room.
     void tidy(time_point now) {
         if (now >= next_sweep_) sweep(now);
@@ -139,7 +143,7 @@ private:
     void make_room();
 
     // By reply key and incarnation.
-    std::map<std::pair<std::uint64_t, std::uint64_t>, std::shared_ptr<reply_cache>> all_;
+    std::map<std::tuple<std::uint64_t, std::uint64_t, std::string>, std::shared_ptr<reply_cache>> all_;
     // Its windows outlive it where a session does.
     std::shared_ptr<std::size_t> room_ = std::make_shared<std::size_t>(0);
     std::size_t sweep_at_ = max_idle_callers;

@@ -26,6 +26,15 @@ void check_access(server_context& here, const verified_peer* by, access::action 
     check(here, by, wanted, path);
 }
 
+void check_roles(server_context& here, const verified_peer* by, const std::map<std::string, std::int32_t>& roles) {
+    for (const auto& [role, priority] : roles) {
+        access::request wanted;
+        wanted.what = access::action::role;
+        wanted.priority = priority;
+        check(here, by, wanted, role);
+    }
+}
+
 void check_setting(server_context& here, const verified_peer* by, const std::string& path,
                    const std::string& parameter) {
     access::request wanted;

@@ -2,6 +2,8 @@
 #include <ise/access/policy.hpp>
 #include <ise/instantiation/server_context.hpp>
 
+#include <cstdint>
+#include <map>
 #include <string>
 
 namespace ise::instantiation {
@@ -10,6 +12,8 @@ namespace ise::instantiation {
 /// the audit log. `type`: empty where it is not known.
 void check_access(server_context& here, const verified_peer* by, access::action what, const std::string& path,
                   const std::string& type);
+/// Throws errc::access_denied where `by` may not give a component these roles with these priorities.
+void check_roles(server_context& here, const verified_peer* by, const std::map<std::string, std::int32_t>& roles);
 /// The same for a parameter of a component.
 void check_setting(server_context& here, const verified_peer* by, const std::string& path,
                    const std::string& parameter);

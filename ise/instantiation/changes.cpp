@@ -70,6 +70,7 @@ task<change_response> changes::change_to(start_request to, bool only_in_place, c
     if (!only_in_place) {
         check_access(here_, by, access::action::stop, planned.path, one->asked.type);
         check_access(here_, by, access::action::start, planned.path, to.type);
+        if (to.roles != one->asked.roles) check_roles(here_, by, to.roles);
     }
     shared_.check(to.process, planned.program);
     if (!changing_.insert(planned.path).second)

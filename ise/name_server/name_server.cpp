@@ -124,6 +124,11 @@ naming::register_response name_server::enroll(naming::register_request request, 
     for (auto& claim : request.components) {
         auto& last = answers.emplace_back();
         last.path = claim.path;
+        if (auto why = objection_to(claim, options_.limits)) { // before anything is kept, compared or written
+            last.refused = true;
+            last.against = std::move(*why);
+            continue;
+        }
         auto& known = claimed_[claim.path];
         const bool news = claim.epoch == 0 || known != claim.roles;
         access::request what;
@@ -153,7 +158,15 @@ naming::register_response name_server::enroll(naming::register_request request, 
     request.components = std::move(allowed);
     naming::register_response response;
     if (!nothing) response = registry_->enroll(request, now());
-    else response.server_incarnation = services().self().incarnation;
+    else {
+        response.server_incarnation = services().self().incarnation;
+        naming::renew_request held; // what was granted before stays
+        held.lease_key = request.node.lease_key;
+        if (auto known = registry_->renew(held, now()); known.known) {
+            response.lease = known.lease;
+            response.lease_number = known.lease_number;
+        }
+    }
     std::vector<naming::grant> grants;
     auto next = response.grants.begin();
     for (auto& one : answers) {

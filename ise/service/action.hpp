@@ -23,7 +23,7 @@ inline constexpr std::size_t time = 25;  ///< i64
 inline constexpr std::size_t goal = 33;  ///< the goal's bytes
 } // namespace action_layout
 
-/// Names a run: random, and so unguessable; a peer that has it may take the run over.
+/// Names a run: random, and so unguessable; a peer of the same identity that has it takes the run over.
 using run_id = std::array<std::uint8_t, 16>;
 
 /// The subscribe packet of an action (FORMAT.md, "Actions").

@@ -91,6 +91,7 @@ result<bytes> action_runs::accept(bytes_view request, const adapter* adapt, cons
     auto& on = runtime_.on();
     action_accepted answer;
     if (auto run = find(id)) { // its requester comes back, over another session
+        if (run->who != who.who) return failure(errc::access_denied, "the run is another identity's");
         run->subscriber = who.number;
         on.later([self = weak_from_this(), id] {
             if (auto here = self.lock()) here->tell_again(id);
@@ -115,6 +116,7 @@ result<bytes> action_runs::accept(bytes_view request, const adapter* adapt, cons
     auto run = std::make_shared<provided_run>(weak_from_this(), on);
     run->id = id;
     run->subscriber = who.number;
+    run->who = who.who;
     run->goal.assign(request.begin() + action_layout::goal, request.end());
     all_.push_back(run);
     if (time > duration{}) run->deadline.arm(saturating_add(on.now(), time));
@@ -165,7 +167,8 @@ void action_runs::begin_next() {
     std::vector<held_run> ready;
     for (const auto& one : all_)
         if (one->is == provided_run::state::waiting && ready.size() < free) ready.push_back(one);
-    for (const auto& one : ready) launch(one);
+    for (const auto& one : ready) // one that ends at once has begun others
+        if (one->is == provided_run::state::waiting && running() < options_.concurrent) launch(one);
 }
 
 void action_runs::launch(const held_run& run) {
@@ -201,7 +204,8 @@ void action_runs::end(const held_run& run, std::optional<failure> why, bytes res
     run->is = provided_run::state::ended;
     run->coroutine = nullptr;
     run->deadline.disarm();
-    run->latest.clear();
+    run->latest = bytes();
+    run->goal = bytes();
     run->outcome = why ? update_of(a_failure, encoded(*why)) : update_of(a_result, result);
     if (run->subscriber == 0) forget(*run);
     else tell(*run, run->outcome);

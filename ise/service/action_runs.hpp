@@ -29,6 +29,7 @@ struct provided_run {
     provided_run(std::weak_ptr<action_runs> of, loop& on);
 
     run_id id{};
+    std::string who;              ///< the requester's verified identity
     std::uint64_t subscriber = 0; ///< its number; 0: nobody wants it any more
     bytes goal;
     enum class state : std::uint8_t { waiting, running, ended } is = state::waiting;

@@ -72,7 +72,10 @@ std::optional<failure> peer_sessions::objection_to_name(const net::session_peer&
     access::request what;
     what.what = access::action::name;
     what.targets = named;
-    return credentials_.access->objection(&known, what, shared_.runtime.self().path);
+    const auto& here = shared_.runtime.self().path;
+    auto denied = credentials_.access->objection(&known, what, here, false);
+    if (denied) (void)credentials_.access->objection(&known, what, here, true); // only a refusal is news
+    return denied;
 }
 
 std::shared_ptr<session> peer_sessions::run(std::shared_ptr<net::connection> connection,
@@ -98,19 +101,20 @@ void peer_sessions::forget(session& ended) {
         for (auto* told : awaiting_end_) told->resume();
 }
 
-void peer_sessions::review_access() {
-    std::vector<std::shared_ptr<session>> all; // some may end meanwhile
+// Not by their addresses in memory: a run on the virtual world is the same every time.
+std::vector<std::shared_ptr<session>> peer_sessions::in_order() const {
+    std::vector<std::shared_ptr<session>> all;
     for (const auto& [raw, held] : all_) all.push_back(held);
-    for (auto& one : all) one->review_access();
+    std::ranges::stable_sort(all, [](const auto& a, const auto& b) { return a->peer_name() < b->peer_name(); });
+    return all;
+}
+
+void peer_sessions::review_access() {
+    for (auto& one : in_order()) one->review_access(); // some may end meanwhile
 }
 
 void peer_sessions::finish_all(const failure& why, duration grace) {
-    // Not by their addresses in memory: a run on the virtual world is the same every time.
-    std::vector<std::shared_ptr<session>> in_order;
-    for (const auto& [raw, held] : all_) in_order.push_back(held);
-    std::stable_sort(in_order.begin(), in_order.end(),
-                     [](const auto& a, const auto& b) { return a->peer_name() < b->peer_name(); });
-    for (auto& held : in_order) held->finish(why, grace);
+    for (auto& held : in_order()) held->finish(why, grace);
 }
 
 task<> peer_sessions::ended(time_point limit) {

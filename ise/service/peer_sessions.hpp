@@ -50,6 +50,7 @@ public:
 private:
     std::uint64_t reply_key_for(const location& whom, const endpoint& at);
     void forget(session& ended);
+    std::vector<std::shared_ptr<session>> in_order() const;
 
     session_context shared_;
     security credentials_;

@@ -1,6 +1,7 @@
 #include <ise/service/service_host.hpp>
 
 #include <ise/access/guard.hpp>
+#include <ise/call/call_tap.hpp>
 
 #include <fmt/format.h>
 
@@ -76,6 +77,7 @@ void service_host::stop(duration grace) {
     uses_.stop();
     acceptor_.close();
     dispatcher_.stop();
+    if (call_taps::any()) on().common<call_taps>().ignore(*this);
     for (auto& [name, known] : links_)
         if (auto held = known.lock()) held->stop();
     peers_.finish_all(failure(errc::peer_lost, "the component stops"), grace);

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include <unistd.h>
+
 namespace ise {
 
 conversation::conversation(service_runtime& runtime, std::shared_ptr<net::connection> connection)
@@ -20,6 +22,8 @@ conversation::~conversation() = default;
 std::optional<failure> conversation::objection_to_use(service_kind kind, const std::string& service, bool note) {
     auto* guard = runtime_.access();
     if (!guard || verified_.same_process) return {};
+    // The instantiation server of this user, which made the process, and could kill it as well.
+    if (runtime_.self().path.empty() && service.starts_with("ise.process.") && verified_.user == ::geteuid()) return {};
     if (!view_) view_ = std::make_unique<access::view>(guard->current(), verified_.who);
     const auto& titles = runtime_.titles();
     auto what = access::request_for(kind == service_kind::subscription, titles, service);
@@ -40,11 +44,17 @@ bool conversation::audited(const std::string& service) const {
            guard->current()->audited(runtime_.titles(), service);
 }
 
-void conversation::note_use(const std::string& service) {
+void conversation::note_use(service_kind kind, const std::string& service) {
     auto* guard = runtime_.access();
     if (!guard || !view_) return;
-    auto what = access::request_for(false, runtime_.titles(), service);
-    guard->note(verified_, what, runtime_.self().path, view_->decide(what));
+    auto what = access::request_for(kind == service_kind::subscription, runtime_.titles(), service);
+    auto said = view_->decide(what);
+    if (!said.allowed) { // a rule of its own allowed it
+        what.what = kind == service_kind::subscription ? access::action::subscribe : access::action::call;
+        what.item = service;
+        said = view_->decide(what);
+    }
+    guard->note(verified_, what, runtime_.self().path, said);
 }
 
 std::optional<failure> conversation::objection_to_session() {

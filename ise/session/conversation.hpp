@@ -38,7 +38,7 @@ public:
     std::optional<failure> objection_to_use(service_kind kind, const std::string& service, bool note);
     /// Whether each use of that service is a line of the audit log.
     bool audited(const std::string& service) const;
-    void note_use(const std::string& service);
+    void note_use(service_kind kind, const std::string& service);
     schema_exchange& schemas() noexcept { return schemas_; }
 
     /// Sends a frame in line with calls and replies.

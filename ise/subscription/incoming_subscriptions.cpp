@@ -45,6 +45,7 @@ result<void> incoming_subscriptions::on_subscribe(const net::carried_frame& rece
         end(id, *denied, 0);
         return {};
     }
+    if (over().audited(terms->service.service)) over().note_use(service_kind::subscription, terms->service.service);
     auto publication = services_.find_publication(terms->service.service);
     if (!publication) {
         end(id, services_.no_publication(terms->service.service), 0);

@@ -21,7 +21,7 @@ struct legs {
 struct leg {
     std::uint32_t number = 0;
 };
-constexpr ise::action<legs, leg, legs> sail{"sail"};
+constexpr ise::action<legs, leg, legs> voyage_of_legs{"sail"};
 
 struct voyage {
     int begun = 0, cancelled = 0;
@@ -45,14 +45,14 @@ void provide_sail(side& boat, std::shared_ptr<voyage> of) {
         }
         co_return goal;
     };
-    boat.services->services().add(ise::make_action(*boat.services, sail, std::move(handler))).value();
+    boat.services->services().add(ise::make_action(*boat.services, voyage_of_legs, std::move(handler))).value();
 }
 
 ise::task<> request_sail(ise::remote boat, std::shared_ptr<voyage> into) {
     legs goal{5};
     ise::run_options options;
     options.accept = 10min;
-    auto run = co_await boat.start(sail, goal, options);
+    auto run = co_await boat.start(voyage_of_legs, goal, options);
     for (;;) {
         auto done = co_await run.next();
         if (!done) break;

@@ -94,7 +94,7 @@ void pair::run_until(const std::function<bool()>& done) {
 void pair::cut() { close_all(shore, "cut"); }
 
 void pair::strike(fault what) {
-    auto both = {&boat, &shore};
+    const std::vector<party*> both{&boat, &shore};
     run_until([&] { return std::ranges::none_of(both, [](auto* one) { return one->services->sessions().empty(); }); });
     auto there_now = sessions_of(both);
     switch (what) {

@@ -178,7 +178,7 @@ TEST_CASE("echo shows what all matching components publish, by fields, as CSV an
     CHECK(in.ise({"echo", "atirma/boat"}).exit_code == 2);
     CHECK(in.ise({"echo", "atirma/*", "--csv"}).exit_code == 2);
     auto age = in.ise({"delay", "atirma/boat", "position", "--window", "100ms", "-n", "1", "--json"});
-    CHECK(age.out.starts_with(R"x({"field":"(published)","youngest_s":0.)x"));
+    CHECK(age.out.starts_with(R"x({"field":"(published)","youngest_s":)x"));
 }
 
 TEST_CASE("run runs an action, describe shows it, and echo does not begin one by surprise") {
@@ -196,7 +196,7 @@ TEST_CASE("run runs an action, describe shows it, and echo does not begin one by
     auto refused = in.ise({"run", "atirma/sailor", "sail_to", R"({"name":"shoals"})"});
     CHECK(refused.exit_code == 1);
     CHECK_THAT(refused.err, Contains("too shallow"));
-    auto late = in.ise({"run", "atirma/sailor", "sail_to", R"({"name":"far"})", "--deadline", "100ms"});
+    auto late = in.ise({"run", "atirma/sailor", "sail_to", R"({"name":"far"})", "--deadline", "2s"});
     CHECK(late.exit_code == 3);
     program stopped(with_names(in, {"run", "atirma/sailor", "sail_to", R"({"name":"far"})"}));
     CHECK(stopped.read_line() == R"({"feedback":{"number":1}})");
