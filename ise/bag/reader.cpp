@@ -203,8 +203,8 @@ result<std::optional<record>> record_reader::next_in_chunk() {
     }
     auto made = record_in(from_, chunk_at_, chunk_.view(), chunk_next_);
     if (!made) return over(made.error());
-    if (made->op == opcode::chunk || made->op == opcode::header || made->op == opcode::footer ||
-        made->op == opcode::data_end || made->op == opcode{})
+    const bool known = static_cast<std::uint8_t>(made->op) <= static_cast<std::uint8_t>(opcode::data_end);
+    if (known && made->op != opcode::schema && made->op != opcode::channel && made->op != opcode::message)
         return over(wrong(errc::malformed, chunk_at_,
                           fmt::format("a Chunk: it has a {}, which must not be in it", name_of(made->op))));
     chunk_next_ += record_head_bytes + made->content.size();
