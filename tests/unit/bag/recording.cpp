@@ -96,7 +96,7 @@ bag::recorder_options recording_to(const std::string& file) {
     return made;
 }
 
-std::string content(const std::string& path) {
+std::string whole_file(const std::string& path) {
     std::ifstream in(path, std::ios::binary);
     return std::string(std::istreambuf_iterator<char>(in), {});
 }
@@ -156,8 +156,8 @@ TEST_CASE("the same voyage is recorded byte for byte the same", "[bag]") {
         voyage sea(recording_to(tmp.file(name)));
         sea.sail();
     }
-    CHECK(content(tmp.file("a.mcap")).size() > 1000);
-    CHECK(content(tmp.file("a.mcap")) == content(tmp.file("b.mcap")));
+    CHECK(whole_file(tmp.file("a.mcap")).size() > 1000);
+    CHECK(whole_file(tmp.file("a.mcap")) == whole_file(tmp.file("b.mcap")));
 }
 
 TEST_CASE("a recording is split by time, and each file is whole", "[bag]") {
