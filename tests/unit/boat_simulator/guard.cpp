@@ -1,4 +1,5 @@
 // The boat keeps within its fence and off the coast, whatever it was told, and keeps no heading for ever.
+#include <components/boat/mission_checksum.hpp>
 #include <components/boat_simulator/simulated_boat.hpp>
 
 #include <support/catch.hpp>

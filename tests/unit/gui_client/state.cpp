@@ -122,8 +122,9 @@ TEST_CASE("console: packets, track, notices and proxies are bounded") {
     CHECK(view->track->size() <= 20);
     CHECK(view->track->front().at == t0);
     CHECK(view->track->back().at == t0 + 99s);
-    CHECK(view->track_bytes >= 2 * view->track->size() * sizeof(track_point)); // where it is kept, and for who shows it
-    CHECK(view->track_bytes <= 3 * 21 * sizeof(track_point));
+    CHECK(view->track_bytes >=
+          2 * view->track->size() * sizeof(atirma::console::track_point)); // where it is kept, and for who shows it
+    CHECK(view->track_bytes <= 3 * 21 * sizeof(atirma::console::track_point));
     CHECK(view->boat.notices.size() == 3);
     CHECK(view->links.size() == 2);
 }
