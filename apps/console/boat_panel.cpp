@@ -75,6 +75,7 @@ QWidget* boat_panel::make_parameters() {
         made.id = info.id;
         auto* name = new QLabel(text(label(info.id)), box);
         name->setToolTip(text(std::string(info.meaning)));
+        name->setWordWrap(true); // in a narrow window the buttons stay in sight
         made.confirmed = rich_label(box);
         made.confirmed->setText("–");
         made.confirmed->setFixedWidth(104); // whatever the age: the boxes beside it stay where they are

@@ -74,7 +74,7 @@ TEST_CASE("top filters, shows details and helps, and leaves the terminal as it w
     CHECK(top.wait_for("COMPONENT"));
     top.press("/boat\r");
     CHECK(top.wait_until([&] { return !top.shows("shore/xbee"); }));
-    CHECK(top.shows("atirma/boat"));
+    CHECK(top.wait_for("atirma/boat"));
     top.press("\r");
     CHECK(top.wait_for("missing: no component provides it"));
     CHECK_THAT(screen_of(top), Contains("PROVIDES") && Contains("helm") && Contains("NEEDS") && Contains("beeper"));

@@ -144,7 +144,7 @@ TEST_CASE("console windows: at 1024 x 600 every button can be read, and no text 
     }
 }
 
-TEST_CASE("console windows: what is dangerous is held for a second; a short press and Enter do nothing") {
+TEST_CASE("console windows: what is dangerous is held for a second, and a short press and Enter do nothing") {
     start_qt();
     hold_button button("Hold to send");
     int sent = 0, short_ones = 0;
@@ -332,7 +332,7 @@ TEST_CASE("console windows: an alarm is played by a program, again as it calls, 
     CHECK(alarm_wave(severity::critical).size() > alarm_wave(severity::warning).size());
 }
 
-TEST_CASE("console windows: a route goes out as GPX and comes back; what is none is refused with its line") {
+TEST_CASE("console windows: a route goes out as GPX and comes back, and what is none is refused with its line") {
     auto text_of = [](const std::string& gpx) { return QByteArray::fromStdString(gpx); };
     std::vector<waypoint> points{{28.153, -15.448}, {-33.5, 151.25}, {0, 180}};
     auto read = route_from_gpx(text_of(route_to_gpx("A & B <1>", points)));

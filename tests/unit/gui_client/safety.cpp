@@ -272,7 +272,7 @@ TEST_CASE("bell: a notice calls once, and an alarm that was acknowledged before 
     CHECK(calls == 1);
 }
 
-TEST_CASE("log of alarms: what happened, in order, bounded; an unchanged one is the same object") {
+TEST_CASE("log of alarms: what happened, in order, bounded, and an unchanged one is the same object") {
     console_state state;
     talker boat;
     power p;

@@ -245,7 +245,7 @@ ise::task<std::vector<double>> all_lossless(ise::remote from, std::size_t count)
 
 } // namespace
 
-TEST_CASE("a dynamic publication reaches typed subscribers; packets of another version are adapted") {
+TEST_CASE("a dynamic publication reaches typed subscribers, and packets of another version are adapted") {
     fixture at;
     auto out = at.publish(as_dynamic(position));
     CHECK(out.type().fingerprint() == ise::schema_of<fix>().fingerprint());
