@@ -142,8 +142,9 @@ std::vector<std::string> two_hosts::left_behind() const {
     for (const char* folder : {"ports", "state-boat", "state-shore"})
         for (const auto& entry : std::filesystem::directory_iterator(folder_ / folder)) {
             auto name = entry.path().filename().string();
-            if (name != "state.json" && name != "state.json.spare" && name != "lock" && name != ".lock")
-                found.push_back(name);
+            bool state = name == "state.json" || name == "state.json.spare" || name == "lock" || name == ".lock";
+            bool database = name.find(".db") != std::string::npos; // what a component keeps is there for its next life
+            if (!state && !database) found.push_back(name);
         }
     return found;
 }

@@ -48,7 +48,7 @@ public:
     /// What instantiation servers tell of a path: the instance that runs, or else one that is over.
     json state(const std::string& path);
     bool is_ready(const std::string& path);
-    /// Files that were left in the folders of the servers, but for their own state.
+    /// Files that were left in the folders of the servers, but for their own state and the databases of components.
     std::vector<std::string> left_behind() const;
     const std::filesystem::path& folder() const { return folder_; }
     /// The port at which the instantiation server of a host listens, where they are apart.
