@@ -64,10 +64,12 @@ TEST_CASE("the demo comes up on two hosts, is changed while it sails, and goes d
     auto text = in.up(file);
     INFO(text);
     auto air = text.find("start atirma/air on boat"), boat = text.find("start atirma/boat on boat"),
-         proxy = text.find("start atirma/shore/xbee on shore"), page = text.find("start atirma/page on shore");
+         proxy = text.find("start atirma/shore/xbee on shore"), node = text.find("start atirma/shore/node-1 on shore"),
+         page = text.find("start atirma/page on shore");
     CHECK(air < boat);
-    CHECK(boat < proxy);
-    CHECK(proxy < page);
+    CHECK(air < proxy);
+    CHECK(proxy < node);
+    CHECK(node < page);
     CHECK(page != std::string::npos);
     in.hears_the_boat();
 
