@@ -200,7 +200,7 @@ BROKEN: dict[str, tuple[Session, str]] = {
     "a pong that nobody asked for": (GREETED + R(encode_frame("pong", 9)), "the id of a ping that waits for it"),
     "a stalled pong that answers": (GREETED + I(encode_frame("ping", 3)) + R(encode_frame("pong", 3, flags=1)),
                                     "a stalled pong answers no ping"),
-    "an unknown code": (GREETED + I(goodbye(code=25)), "code 25 is not in the list"),
+    "an unknown code": (GREETED + I(goodbye(code=26)), "code 26 is not in the list"),
     "on after goodbye": (GREETED + I(goodbye(), encode_frame("ping")), "nothing comes behind a goodbye"),
     "bytes after goodbye": (GREETED + I(goodbye() + b"\0\0\0"), "nothing comes behind a goodbye"),
 
