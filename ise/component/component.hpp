@@ -170,12 +170,13 @@ public:
         detail::component_parts::add(*this, core);
         return publication<Contract>(core);
     }
-    // Mistakes of the kind of a service.
+    /// A compile error: a subscription is published.
     template <class... Packets, class Handler>
     void provide(const subscription<Packets...>&, Handler&&, serve_options = serve_options()) {
         static_assert(detail::never<Packets...>,
                       "ise: this service is a subscription, which is published: auto out = publish(service)");
     }
+    /// A compile error: a request-response is provided.
     template <class... Packets>
     void publish(const request_response<Packets...>&) {
         static_assert(detail::never<Packets...>,

@@ -136,11 +136,13 @@ public:
 template <class T>
 class [[nodiscard]] task {
 public:
-    using promise_type = detail::task_promise<T>;
-    using value_type = T;
+    using promise_type = detail::task_promise<T>; ///< for the compiler
+    using value_type = T;                         ///< what it returns
 
     task() noexcept = default;
+    /// Moving leaves nothing behind.
     task(task&& other) noexcept : frame_(std::exchange(other.frame_, nullptr)) {}
+    /// Frees the coroutine that it held before.
     task& operator=(task&& other) noexcept {
         auto old = std::move(*this);
         frame_ = std::exchange(other.frame_, nullptr);
@@ -201,6 +203,7 @@ template <class Operation>
 requires std::is_base_of_v<awaiter, Operation>
 auto as_task(Operation what) -> task<decltype(what.await_resume())> { co_return co_await std::move(what); }
 
+/// @cond
 template <class T>
 void async_stack::begin(task<T>& bottom) noexcept {
     bottom.frame_.promise().stack_ = this;
@@ -211,5 +214,6 @@ template <class T>
 T async_stack::outcome_of(task<T>& bottom) {
     return bottom.frame_.promise().take();
 }
+/// @endcond
 
 } // namespace ise

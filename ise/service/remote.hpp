@@ -255,16 +255,18 @@ public:
         return begin_run<action<Goal, Feedback, Result>>(link_, std::string(service.name()), options, encode(goal));
     }
 
-    // Compile errors for services of the other kind.
+    /// A compile error for services of the other kind; so are the next two.
     template <class... Packets, class... Arguments>
     void call(const subscription<Packets...>&, Arguments&&...) const {
         static_assert(detail::never<Packets...>,
                       "ise: this service is a subscription, which is not called: co_await remote.subscribe(service)");
     }
+    /// See above.
     template <class... Packets, class... Arguments>
     void try_call(const subscription<Packets...>& service, Arguments&&...) const {
         call(service);
     }
+    /// See above.
     template <class... Packets, class... Arguments>
     void subscribe(const request_response<Packets...>&, Arguments&&...) const {
         static_assert(

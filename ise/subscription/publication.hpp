@@ -26,14 +26,16 @@ public:
     /// The same by move: subscribers of this process share the moved packet, without a copy.
     void operator()(packet_type&& packet) const { core().publish(made(std::move(packet))); }
 
-    // Compile errors for packets of another type.
+    /// A compile error for packets of another type; so are the next two.
     template <class Other>
     requires(!std::is_convertible_v<Other, packet_type>) void operator()(const Other&) const {
         static_assert(sizeof(Other) == 0,
                       "ise: this publication publishes packets of another type: the one that its service names");
     }
+    /// See above.
     template <class Other>
     requires(!std::is_convertible_v<Other, packet_type>) void send(const Other& packet) const { (*this)(packet); }
+    /// See above.
     template <class Other>
     requires(!std::is_convertible_v<Other, packet_type>) void try_send(const Other& packet) const { (*this)(packet); }
 

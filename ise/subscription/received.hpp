@@ -21,8 +21,8 @@ inline constexpr wall_time no_stamp = wall_time::min();
 
 /// What a subscriber learns of a packet beside its content.
 struct packet_origin {
-    std::uint64_t lost_before = 0; ///< or `detail::unknown_gap`
-    wall_time published_at = detail::no_stamp;
+    std::uint64_t lost_before = 0;             ///< or `detail::unknown_gap`
+    wall_time published_at = detail::no_stamp; ///< or `detail::no_stamp`
 };
 
 /// A published packet as a subscriber receives it: points to a const packet that is shared and never copied; it may be
