@@ -189,7 +189,7 @@ QWidget* boat_panel::make_rare() {
     return box;
 }
 
-/// What was typed: whether it is in its range, and whether it differs from the boat's.
+/// Shows whether the typed value is in its range and whether it differs from the boat's.
 void boat_panel::show_row(row& of) {
     auto trouble = of.wanted->trouble();
     of.wanted->mark_changed(of.touched);

@@ -212,7 +212,7 @@ void console_window::set_red(bool on) {
 
 void console_window::use_palette() { use_theme(red_ ? palette::red : options_.night ? palette::night : palette::day); }
 
-/// What has taken colours before.
+/// Redraws the parts that keep colours.
 void console_window::show_palette() {
     log_->forget();
     packets_->forget();

@@ -22,7 +22,7 @@ QColor colour_of(command_phase phase) {
     return is_over(phase) ? t.bad : t.warn;
 }
 
-// What is said of it, from its second line on.
+// The lines below the name of a telecommand.
 QString details_of(const command_entry& of) {
     QStringList all;
     if (of.executed_at) all << QObject::tr("executed %1").arg(clock_of(*of.executed_at));

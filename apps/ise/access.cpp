@@ -77,7 +77,7 @@ bool gives_nothing(const access::rule& one) {
            one.set.empty() && one.hosts.empty();
 }
 
-// What never makes a difference.
+// Rules that have no effect.
 std::vector<access::remark> oddities(const access::policy& of) {
     std::vector<access::remark> found;
     auto add = [&](std::uint32_t line, std::string text) { found.push_back({line, 1, std::move(text)}); };
@@ -108,7 +108,7 @@ std::vector<access::remark> oddities(const access::policy& of) {
     return found;
 }
 
-// What the rules name and nobody has.
+// Names in the rules that no running component has.
 std::vector<access::remark> missing(const access::policy& of, const std::vector<surveyed>& all) {
     std::vector<access::remark> found;
     auto each = [&](const std::vector<access::target>& targets, service_kind kind) {

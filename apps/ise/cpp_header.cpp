@@ -19,7 +19,7 @@
 namespace ise::cli {
 namespace {
 
-// What keeps a service out of the header.
+// Why a service is left out of the header.
 struct not_declared {
     std::string why;
 };

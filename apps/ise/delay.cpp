@@ -15,7 +15,7 @@
 namespace ise::cli {
 namespace {
 
-// What is shown as the field where the age is that since the publication; no field is called so.
+// Shown in place of a field when the age counts from the publication. No field can have this name.
 constexpr const char* publication_time = "(published)";
 
 struct delay_options {
