@@ -491,9 +491,9 @@ http_response accept_web_socket(const http_request& asked, const std::vector<std
     auto offered = request.header("sec-websocket-protocol");
     auto chosen = std::ranges::find_if(protocols, [&](const auto& one) { return lists_token(offered, one); });
     if (!protocols.empty() && chosen == protocols.end())
-        return plain_error(400, fmt::format("None of the subprotocols offered ({}) is spoken here: {}.",
-                                            offered.empty() ? "none" : ise::readable(offered),
-                                            fmt::join(protocols, ", ")));
+        return plain_error(400,
+                           fmt::format("None of the subprotocols offered ({}) is spoken here: {}.",
+                                       offered.empty() ? "none" : ise::readable(offered), fmt::join(protocols, ", ")));
     http_response made;
     made.status = 101;
     made.headers = {{"Upgrade", "websocket"},

@@ -32,7 +32,7 @@ struct http_limits {
     http_stream_times sending; ///< `write` also bounds sending a whole response
     web_socket_limits web_sockets;
     web_socket_times web_socket;
-    sse_limits streams;        ///< of each path; beyond `max_clients` `ise::net::fair_places` decides
+    sse_limits streams; ///< of each path; beyond `max_clients` `ise::net::fair_places` decides
 };
 
 struct http_request {
@@ -104,8 +104,8 @@ struct http_statistics {
 };
 
 /// An HTTP/1.1 server over the environment's streams, on the real and on the virtual world: handlers, embedded files,
-/// event streams, and WebSockets. Requests of a connection are answered one after the other. Every response carries security
-/// headers that let a page load only from this server. There is no TLS: use a reverse proxy.
+/// event streams, and WebSockets. Requests of a connection are answered one after the other. Every response carries
+/// security headers that let a page load only from this server. There is no TLS: use a reverse proxy.
 ///
 /// Used on one loop. Connections that `stop` closed are released by the loop's next turns.
 class http_server {

@@ -10,7 +10,7 @@ namespace atirma {
 namespace {
 
 constexpr std::size_t max_control_waiting = 16 * 1024; // bytes of pongs that a client does not read
-constexpr std::size_t max_unread = 256 * 1024;         // bytes that a client sends after it was closed
+constexpr std::size_t max_unread = 16 * 1024 * 1024;   // bytes that a client sends after it was closed
 constexpr std::size_t max_unsent = 64 * 1024;          // bytes in the system's queue
 constexpr std::size_t max_kept = 256 * 1024;           // capacity of a batch
 

@@ -16,8 +16,8 @@
 namespace atirma {
 
 struct web_socket_times {
-    ise::duration write = std::chrono::seconds(30);   ///< for the client to take one write; then it is disconnected
-    ise::duration ping = std::chrono::seconds(1);     ///< between pings while data is sent
+    ise::duration write = std::chrono::seconds(30);     ///< for the client to take one write; then it is disconnected
+    ise::duration ping = std::chrono::seconds(1);       ///< between pings while data is sent
     ise::duration idle_ping = std::chrono::seconds(15); ///< between pings otherwise
     /// No data is sent while a ping has been unanswered for this long: what is sent but not received is bounded in
     /// time, and what waits can still be replaced by something newer.

@@ -149,8 +149,7 @@ ise::result<void> web_socket_reader::end() {
     made_.code = web_socket_code::no_status;
     made_.payload = std::exchange(control_, {});
     if (opcode_ == opcode::close && !made_.payload.empty()) {
-        if (made_.payload.size() < 2)
-            return refuse(web_socket_code::protocol_error, "a close frame has half a code");
+        if (made_.payload.size() < 2) return refuse(web_socket_code::protocol_error, "a close frame has half a code");
         auto code = static_cast<std::uint16_t>(big_endian(std::string_view(made_.payload).substr(0, 2)));
         if (!may_be_sent(code))
             return refuse(web_socket_code::protocol_error, fmt::format("a close frame has the code {}", code));

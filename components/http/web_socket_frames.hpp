@@ -34,8 +34,8 @@ struct web_socket_limits {
 
 /// A whole message, or a control frame.
 struct web_socket_message {
-    web_socket_opcode kind = web_socket_opcode::text; ///< never `continuation`
-    std::string payload;                              ///< of a close: the reason; text is UTF-8
+    web_socket_opcode kind = web_socket_opcode::text;  ///< never `continuation`
+    std::string payload;                               ///< of a close: the reason; text is UTF-8
     web_socket_code code = web_socket_code::no_status; ///< of a close
 };
 
@@ -62,11 +62,11 @@ private:
 
     from whose_;
     web_socket_limits limits_;
-    std::string head_;               // of the present frame, as far as it has come
-    std::size_t head_bytes_ = 2;     // that it will have
-    std::uint64_t left_ = 0;         // of the payload
-    std::uint8_t mask_[4] = {};      //
-    std::size_t masked_ = 0;         // bytes of the payload so far
+    std::string head_;           // of the present frame, as far as it has come
+    std::size_t head_bytes_ = 2; // that it will have
+    std::uint64_t left_ = 0;     // of the payload
+    std::uint8_t mask_[4] = {};  //
+    std::size_t masked_ = 0;     // bytes of the payload so far
     bool in_payload_ = false, last_ = false, complete_ = false, failed_ = false;
     web_socket_opcode opcode_ = web_socket_opcode::continuation;  // of the frame
     web_socket_opcode message_ = web_socket_opcode::continuation; // of the fragmented message; continuation: none

@@ -106,7 +106,8 @@ TEST_CASE("what violates the protocol is refused with its code") {
     auto reserved = masked(opcode::text, "x");
     reserved[0] = static_cast<char>(reserved[0] | 0x40);
     CHECK(code_of(reserved) == web_socket_code::protocol_error);
-    for (int unknown : {3, 7, 11, 15}) CHECK(code_of(masked(static_cast<opcode>(unknown), "")) == web_socket_code::protocol_error);
+    for (int unknown : {3, 7, 11, 15})
+        CHECK(code_of(masked(static_cast<opcode>(unknown), "")) == web_socket_code::protocol_error);
     CHECK(code_of(masked(opcode::ping, "x", false)) == web_socket_code::protocol_error);
     CHECK(code_of(masked(opcode::ping, std::string(126, 'x'))) == web_socket_code::protocol_error);
     CHECK(code_of(masked(opcode::continuation, "x")) == web_socket_code::protocol_error);
@@ -181,8 +182,9 @@ public:
 
 private:
     ise::task<> run() override {
-        server = std::make_unique<http_server>(
-            on(), log(), limits_, [this](std::string name, ise::task<> body) { spawn(std::move(name), std::move(body)); });
+        server = std::make_unique<http_server>(on(), log(), limits_, [this](std::string name, ise::task<> body) {
+            spawn(std::move(name), std::move(body));
+        });
         server->get("/", [this](const http_request& asked) {
             return accept_web_socket(asked, {"echo.v2", "echo.v1"}, [this](std::shared_ptr<atirma::web_socket> over) {
                 return talk(std::move(over));
@@ -197,7 +199,8 @@ private:
         auto waiting = std::make_shared<std::string>();
         over->on_room([this, waiting](std::string& to) {
             if (!waiting->empty()) append_frame(to, opcode::text, std::exchange(*waiting, {}));
-            if (std::exchange(due, false)) append_frame(to, opcode::binary, std::string(100, static_cast<char>(++sources)));
+            if (std::exchange(due, false))
+                append_frame(to, opcode::binary, std::string(100, static_cast<char>(++sources)));
         });
         for (;;) {
             auto got = co_await over->next();
@@ -230,9 +233,7 @@ struct quay {
                                                    std::move(protocols)));
         return *clients.back();
     }
-    bool until(const std::function<bool()>& done, ise::duration within = 1min) {
-        return world.run_until(done, within);
-    }
+    bool until(const std::function<bool()>& done, ise::duration within = 1min) { return world.run_until(done, within); }
 
     ise::sim::world world{3};
     echo* server = nullptr;

@@ -44,7 +44,7 @@ public:
 
     std::string raw_head; ///< in place of the handshake
     bool open = false, closed = false;
-    bool answers = true; ///< pings and close frames
+    bool answers = true;    ///< pings and close frames
     std::string head, rest; ///< of the answer; what follows a refusal
     std::vector<std::string> texts, pongs;
     struct message {
