@@ -11,7 +11,7 @@ ise::component_type foxglove_gateway_type(std::function<void(const std::string&)
     ise::foxglove::gateway_options options;
     options.paths = {"atirma"};
     options.derivations = {boat_channels};
-    return ise::foxglove::gateway_type("foxglove-gateway", "atirma/foxglove", std::move(options), std::move(announce));
+    return ise::foxglove::gateway_type("foxglove-boat", "atirma/foxglove", std::move(options), std::move(announce));
 }
 
 } // namespace atirma

@@ -36,8 +36,9 @@ constexpr duration graph_period = std::chrono::seconds(5);
 constexpr duration question_limit = std::chrono::seconds(5);
 constexpr duration longest_pause = std::chrono::seconds(30);
 constexpr std::size_t max_channels = 16384;
-constexpr std::size_t max_operations = 1024; // of all viewers
-constexpr std::uint32_t derived_depth = 256; // packets; a derivation keeps what it needs of each
+constexpr std::size_t max_operations = 1024;                     // of all viewers
+constexpr std::size_t max_message_bytes = std::size_t{32} << 20; // of a channel
+constexpr std::uint32_t derived_depth = 256;                     // packets; a derivation keeps what it needs of each
 
 bool contains(const std::vector<std::string>& all, const std::string& one) {
     return std::ranges::find(all, one) != all.end();
@@ -396,6 +397,7 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
 
     void stop(source& from) {
         from.wanted = false;
+        for (const auto& one : from.channels) one->last.reset(); // it will be old for the next viewer
         if (!from.leave) return;
         from.left = true;
         from.leave();
@@ -487,6 +489,11 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
     }
 
     void publish(channel& on, wall_time at, std::string payload) {
+        if (payload.size() > max_message_bytes) {
+            note(fmt::format("a message of {} is not shown: it has {} bytes, {} at most (max_message_bytes)",
+                             on.info.topic, payload.size(), max_message_bytes));
+            return;
+        }
         auto made = std::make_shared<channel_message>();
         made->at = at;
         made->payload = std::move(payload);
@@ -558,8 +565,8 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
         ++me->counts.accepted;
         over->on_room([who](std::string& to) { who->fill(to); });
         who->text(write(me->info()));
-        who->text(me->channel_list());
-        if (me->options.allow_calls) who->text(me->service_list());
+        who->greet(me->channel_list());
+        if (me->options.allow_calls) who->greet(me->service_list());
         for (;;) {
             auto got = co_await over->next();
             if (!got) break;

@@ -36,7 +36,12 @@ void viewer::binary(std::string message) {
     put({false, std::make_shared<const std::string>(std::move(message)), size});
 }
 
-void viewer::text(std::shared_ptr<const std::string> message) { put({true, std::move(message), message_overhead}); }
+void viewer::text(std::shared_ptr<const std::string> message) {
+    auto size = message->size() + message_overhead;
+    put({true, std::move(message), size});
+}
+
+void viewer::greet(std::shared_ptr<const std::string> message) { put({true, std::move(message), 0}); }
 
 void viewer::clock(std::string message) {
     if (gone) return;

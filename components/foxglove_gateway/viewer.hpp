@@ -50,7 +50,9 @@ public:
     // Everything but messages of channels: sent first, in order, never skipped.
     void text(std::string message);
     void binary(std::string message);
-    void text(std::shared_ptr<const std::string> message); ///< shared by viewers: it does not count
+    void text(std::shared_ptr<const std::string> message); ///< shared by viewers
+    /// The first messages, which do not count: they are as long as the system is large.
+    void greet(std::shared_ptr<const std::string> message);
     /// Replaces one that has not been sent.
     void clock(std::string message);
     /// More waits than it may.

@@ -114,7 +114,7 @@ try {
   writeFileSync(join(work, 'assets', 'hull.glb'), 'a hull');
   writeFileSync(join(work, 'secret'), 'a secret');
   const url_of = async gateway => (await gateway.says(/ready: (ws:\S+)/))[1];
-  const open = await url_of(atirma('foxglove-gateway', '--port', '0', '--allow-calls', '--allow-parameters',
+  const open = await url_of(atirma('foxglove-boat', '--port', '0', '--allow-calls', '--allow-parameters',
     '--allow-publish', '--assets', join(work, 'assets')));
   const closed = await url_of(start(join(bin, 'ise_foxglove_gateway'), ['run', 'foxglove-gateway', '--port=0', '--path=ise/closed'], { env }));
   const viewer = new Viewer(open);

@@ -151,6 +151,12 @@ TEST_CASE("a viewer sees the channels of components, and packets with the time o
     REQUIRE(here.until([&] { return here.status().viewers == 0; }));
     here.in.world.run_for(10s);
     CHECK(here.status().subscriptions == 0); // nobody looks
+    here.in.world.run_for(60s);
+    auto& next = here.watch();
+    REQUIRE(here.until([&] { return next.has_channel("atirma/boat/count"); }));
+    next.subscribe(1, "atirma/boat/count");
+    REQUIRE(here.until([&] { return !next.data().empty(); }));
+    CHECK(watching::age(next.data()[0]) < 200ms); // nothing was kept of what was shown before
 }
 
 TEST_CASE("a component that goes takes its channels along, and brings them back under the same number") {

@@ -200,7 +200,13 @@ TEST_CASE("the memory of a viewer that takes nothing is bounded") {
     who.fill(out);
     CHECK(frames(out).size() == 1);
     CHECK_FALSE(who.overrun());
-    for (int i = 0; i < 100; ++i) who.text(std::string(200, 'x'));
+    who.greet(std::make_shared<const std::string>(100'000, 'x'));
+    CHECK_FALSE(who.overrun());
+    auto shared = std::make_shared<const std::string>(200, 'x');
+    for (int i = 0; i < 50; ++i) {
+        who.text(std::string(100, 'x'));
+        who.text(shared);
+    }
     CHECK(who.overrun());
 }
 
