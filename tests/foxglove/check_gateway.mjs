@@ -226,6 +226,24 @@ try {
     await until('a failure', () => looks.failures.find(one => /--allow-calls/.test(one.message)));
     looks.close();
   });
+  await check('what the access policy refuses to the gateway, viewers are told', async () => {
+    const policy = join(work, 'access.toml');
+    writeFileSync(policy, `version = 1
+[[allow]]
+who = ["nobody", "unix:*"]
+name = ["**"]
+read = ["**"]
+[[deny]]
+who = ["nobody", "unix:*"]
+subscribe = ["atirma/nmea:bridge"]
+`, { mode: 0o600 });
+    start(join(bin, 'atirma'), ['run', 'nmea-bridge', '--nmea-tcp', '', '--signalk-tcp', ''], { env: { ...env, ISE_ACCESS: policy } });
+    const { id } = await viewer.channel('atirma/nmea/bridge');
+    viewer.client.subscribe(id);
+    const told = await until('a status', () => viewer.statuses.find(one => one.id === 'subscription:atirma/nmea/bridge'));
+    assert.equal(told.level, 2);
+    assert.match(told.message, /may not subscribe/);
+  });
   await check('who does not belong here is not let in', async () => {
     assert.equal((await refused(open, ['foxglove.websocket.v1'], { origin: 'https://evil.example' })).status, 403);
     const none = await refused(open, ['chat']);
