@@ -169,11 +169,11 @@ ise::result<std::size_t> web_socket_reader::feed(ise::bytes_view in) {
         if (in_payload_) {
             auto& to = is_control(opcode_) ? control_ : data_;
             auto count = static_cast<std::size_t>(std::min<std::uint64_t>(left_, in.size() - used));
-            const auto from = to.size();
+            const auto start = to.size();
             to.append(ise::as_text(in.subspan(used, count)));
             if (whose_ == from::clients)
                 for (std::size_t i = 0; i < count; ++i)
-                    to[from + i] = static_cast<char>(static_cast<std::uint8_t>(to[from + i]) ^ mask_[masked_++ & 3]);
+                    to[start + i] = static_cast<char>(static_cast<std::uint8_t>(to[start + i]) ^ mask_[masked_++ & 3]);
             used += count;
             left_ -= count;
             if (left_ > 0) break;
