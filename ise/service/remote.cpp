@@ -40,8 +40,7 @@ void start(Link&& to, service_key service, duration deadline, const asio::any_io
     }
     auto& way = *to;
     auto& on = way.runtime().on();
-    auto& call = way.calls().open();
-    call.owner = call_owner::hold(std::forward<Link>(to));
+    auto& call = way.calls().open(call_owner::hold(std::forward<Link>(to)), cancellation);
     call.service.assign(service.name);
     call.types = service.types;
     call.deadline =
@@ -52,7 +51,6 @@ void start(Link&& to, service_key service, duration deadline, const asio::any_io
         call.deadline = std::min(call.deadline, call.made_in->deadline);
         call.trace = call.made_in->trace;
     }
-    way.calls().bind(call, cancellation);
     call.done = std::move(done);
     way.submit(call, request);
 }
