@@ -16,7 +16,7 @@
 namespace ise::bag {
 namespace {
 
-failure failed(const char* what, const std::string& name) {
+failure bag_file_failure(const char* what, const std::string& name) {
     return io_failure(fmt::format("cannot {} {}", what, name), std::error_code(errno, std::generic_category()));
 }
 
@@ -38,7 +38,7 @@ public:
     const std::string& name() const noexcept override { return name_; }
     result<std::uint64_t> size() override {
         struct stat about {};
-        if (::fstat(file_.number(), &about) != 0) return failed("read", name_);
+        if (::fstat(file_.number(), &about) != 0) return bag_file_failure("read", name_);
         return static_cast<std::uint64_t>(about.st_size);
     }
     result<std::size_t> read(std::uint64_t offset, std::span<std::byte> into) override {
@@ -47,7 +47,7 @@ public:
             auto got =
                 ::pread(file_.number(), into.data() + done, into.size() - done, static_cast<off_t>(offset + done));
             if (got < 0 && errno == EINTR) continue;
-            if (got < 0) return failed("read", name_);
+            if (got < 0) return bag_file_failure("read", name_);
             if (got == 0) break;
             done += static_cast<std::size_t>(got);
         }
@@ -67,13 +67,14 @@ public:
         while (!data.empty()) {
             auto moved = ::write(file_.number(), data.data(), data.size());
             if (moved < 0 && errno == EINTR) continue;
-            if (moved < 0) return failed("write", name_);
+            if (moved < 0) return bag_file_failure("write", name_);
             data = data.subspan(static_cast<std::size_t>(moved));
         }
         return {};
     }
     result<void> sync() override {
-        if (::fdatasync(file_.number()) != 0 && errno != EINVAL && errno != EROFS) return failed("write", name_);
+        if (::fdatasync(file_.number()) != 0 && errno != EINVAL && errno != EROFS)
+            return bag_file_failure("write", name_);
         return {};
     }
 
@@ -118,10 +119,10 @@ private:
 
 result<std::unique_ptr<source>> open_file(const std::string& path) {
     int opened = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOCTTY);
-    if (opened < 0) return failed("open", path);
+    if (opened < 0) return bag_file_failure("open", path);
     auto made = std::make_unique<file_source>(opened, path);
     struct stat about {};
-    if (::fstat(opened, &about) != 0) return failed("read", path);
+    if (::fstat(opened, &about) != 0) return bag_file_failure("read", path);
     if (!S_ISREG(about.st_mode))
         return failure(errc::io_failed, fmt::format("{} is no regular file: a recording is read at any place", path));
     return std::unique_ptr<source>(std::move(made));
@@ -132,7 +133,7 @@ result<std::unique_ptr<sink>> create_file(const std::string& path) {
     if (opened < 0 && errno == EEXIST)
         return failure(errc::name_taken,
                        fmt::format("{} exists already, and is not overwritten: remove it, or choose another", path));
-    if (opened < 0) return failed("create", path);
+    if (opened < 0) return bag_file_failure("create", path);
     return std::unique_ptr<sink>(std::make_unique<file_sink>(opened, path));
 }
 

@@ -13,17 +13,6 @@ call_worker::call_worker(call_service& service, service_runtime& runtime)
     : service_(service), runtime_(runtime), wake_(runtime.on(), nullptr),
       deadline_(runtime.on(), [this] { expire(); }) {}
 
-void call_worker::be_idle() { service_.idle(*this); }
-
-void call_worker::begin(incoming_call call, time_point began) {
-    call_ = std::move(call);
-    began_ = began;
-    busy_ = wanted_ = true;
-    context_ = service_.context_of_call(*call_.from, call_);
-    deadline_.arm(call_.deadline);
-    wake_.resume(true);
-}
-
 // A call that leads back to the handler that made it can only be among those that came while it ran.
 void call_worker::note_waiting(const call_origin& from) {
     if (!busy_ || !context_.waiting.empty()) return;
@@ -33,7 +22,10 @@ void call_worker::note_waiting(const call_origin& from) {
 
 // Those that came with it in the same turn may have taken long.
 bool call_worker::may_begin() {
-    if (wanted_ && !service_.refuse_late(*call_.from, call_)) return true;
+    if (wanted_) {
+        if (!service_.is_late(call_)) return true;
+        service_.refuse_late(*call_.from, call_);
+    }
     finish();
     call_.from.reset();
     return false;
@@ -85,7 +77,7 @@ void call_service::serve(call_origin& from, incoming_call call, incoming_packet 
         from.refuse(call.id, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
         return;
     }
-    if (refuse_late(from, call)) return;
+    if (is_late(call)) return refuse_late(from, call);
     request.adapt = call.adapt;
     const bool measured = meter_.samples(runtime_.on().now());
     auto began = measured ? runtime_.env().now() : time_point::max();
@@ -125,12 +117,12 @@ void call_service::tell_failure(const call_origin& from, const failure& why) {
                       from.caller_name());
 }
 
-bool call_service::refuse_late(call_origin& to, const incoming_call& call) {
-    if (call.deadline > runtime_.on().fresh_now()) return false;
+bool call_service::is_late(const incoming_call& call) const { return call.deadline <= runtime_.on().fresh_now(); }
+
+void call_service::refuse_late(call_origin& to, const incoming_call& call) {
     meter_.refused_expired();
     runtime_.counts().refused(errc::timed_out);
     to.refuse(call.id, failure(errc::timed_out, fmt::format("'{}' was too busy to begin in time", name_)));
-    return true;
 }
 
 void call_service::refuse_overloaded(call_origin& to, const incoming_call& call, const failure& why) {
@@ -149,10 +141,15 @@ bool call_service::may_begin(const call_origin& from) const {
 
 bool call_service::begin(incoming_call& call, incoming_packet& request, time_point began) {
     if (idle_.empty()) return false;
-    auto* worker = idle_.back();
-    worker->load(request);
+    auto& worker = *idle_.back();
+    worker.load(request);
     idle_.pop_back();
-    worker->begin(std::move(call), began);
+    worker.call_ = std::move(call);
+    worker.began_ = began;
+    worker.busy_ = worker.wanted_ = true;
+    worker.context_ = context_of_call(*worker.call_.from, worker.call_);
+    worker.deadline_.arm(worker.call_.deadline);
+    worker.wake_.resume(true);
     return true;
 }
 
@@ -183,24 +180,28 @@ void call_service::add_worker() {
         entry.call.from->refuse(entry.call.id, failure(errc::cancelled, "the component stops"));
 }
 
-void call_service::idle(call_worker& worker) {
-    worker.busy_ = false;
-    if (stopped_ || runtime_.scope().stopping()) {
-        worker.wake_.resume(false);
+void call_worker::be_idle() {
+    auto& of = service_;
+    busy_ = false;
+    if (of.stopped_ || runtime_.scope().stopping()) {
+        wake_.resume(false);
         return;
     }
-    idle_.push_back(&worker);
-    while (!waiting_->empty()) {
-        auto found = waiting_->pop([this](const call_origin& from) { return may_begin(from); });
+    of.idle_.push_back(this);
+    while (!of.waiting_->empty()) {
+        auto found = of.waiting_->pop([&of](const call_origin& from) { return of.may_begin(from); });
         if (!found) return;
         auto& next = *found;
         auto now = runtime_.env().now(); // the turn may have lasted
-        if (refuse_late(*next.call.from, next.call)) continue;
+        if (of.is_late(next.call)) {
+            of.refuse_late(*next.call.from, next.call);
+            continue;
+        }
         try {
             incoming_packet request(next.request);
             request.adapt = next.call.adapt;
-            begin(next.call, request, now);
-            meter_.begins(now - next.since);
+            of.begin(next.call, request, now);
+            of.meter_.begins(now - next.since);
             return;
         } catch (const error& thrown) {
             next.call.from->refuse(next.call.id, thrown.why());

@@ -58,7 +58,6 @@ protected:
 
 private:
     void be_idle();
-    void begin(incoming_call call, time_point began);
     void note_waiting(const call_origin& from);
     bool finish();
     void expire();
@@ -113,10 +112,10 @@ protected:
 
 private:
     friend class call_worker;
-    void idle(call_worker& worker);
     bool begin(incoming_call& call, incoming_packet& request, time_point began); // false: no worker is idle
     void refuse_overloaded(call_origin& to, const incoming_call& call, const failure& why);
-    bool refuse_late(call_origin& to, const incoming_call& call);
+    bool is_late(const incoming_call& call) const;
+    void refuse_late(call_origin& to, const incoming_call& call);
     void add_worker();
 
     // One session never has every handler, where there are several: the others' calls go on.

@@ -261,9 +261,12 @@ void incoming_calls::serve(binding& of, const request_head& head, incoming_packe
                                       of.name)));
         return;
     }
+    auto slot = slot_of(head.id);
+    if (slot >= running_.size()) running_.resize(slot + 1);
+    running_[slot] = {&of, head.id, head.number};
+    ++running_count_;
     if (head.number != 0 && seen_before(of, head)) return;
     if (of.audited) over_.note_use(service_kind::request_response, of.name);
-    occupy(of, head, false);
     incoming_call call;
     call.id = head.id;
     call.deadline = head.deadline;
@@ -277,17 +280,6 @@ void incoming_calls::serve(binding& of, const request_head& head, incoming_packe
     of.service->serve(*this, std::move(call), std::move(request));
 }
 
-void incoming_calls::occupy(binding& of, const request_head& head, bool elsewhere) {
-    auto slot = slot_of(head.id);
-    if (slot >= running_.size()) running_.resize(slot + 1);
-    running_[slot].of = &of;
-    running_[slot].id = head.id;
-    running_[slot].number = head.number;
-    running_[slot].elsewhere = elsewhere;
-    running_[slot].orphaned_until = time_point::max();
-    ++running_count_;
-}
-
 // A call that the client makes again after its session was lost: it runs once, and its answer goes to where it asked
 // last.
 bool incoming_calls::seen_before(binding& of, const request_head& head) {
@@ -298,11 +290,12 @@ bool incoming_calls::seen_before(binding& of, const request_head& head) {
             return false;
         case reply_cache::state::running:
             window.redirect(head.number, here(head.id));
-            occupy(of, head, true);
+            running_[slot_of(head.id)].elsewhere = true;
             return true;
         case reply_cache::state::answered: send_answer(head.id, *window.answer(head.number)); return true;
         case reply_cache::state::forgotten: break;
     }
+    forget(head.id); // it is answered here only
     over_.runtime().counts().refused(errc::peer_lost);
     refuse(
         head.id,
@@ -317,9 +310,8 @@ bool incoming_calls::seen_before(binding& of, const request_head& head) {
 
 // The caller has gone on: it gets no answer.
 void incoming_calls::on_cancel(std::uint64_t id) {
-    auto slot = slot_of(id);
-    if (slot < running_.size() && running_[slot].id == id && running_[slot].of) {
-        auto running = running_[slot];
+    if (const auto* found = find(id)) {
+        auto running = *found;
         auto service = running.of->service;
         if (call_taps::any()) [[unlikely]]
             tap_end(*this, over_.runtime(), id, std::string(name_of(errc::cancelled)), "its caller gave it up",
@@ -339,20 +331,25 @@ void incoming_calls::on_cancel(std::uint64_t id) {
     for (auto& of : bindings_) of->held.drop([&](const request_head& head) { return head.id == id; });
 }
 
-void incoming_calls::forget(std::uint64_t id) noexcept {
+incoming_calls::running_call* incoming_calls::find(std::uint64_t id) noexcept {
     auto slot = slot_of(id);
-    if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return;
-    running_[slot].of = nullptr;
+    return slot < running_.size() && running_[slot].id == id && running_[slot].of ? &running_[slot] : nullptr;
+}
+
+void incoming_calls::forget(std::uint64_t id) noexcept {
+    auto* running = find(id);
+    if (!running) return;
+    running->of = nullptr;
     --running_count_;
 }
 
 void incoming_calls::orphan(std::uint64_t id) {
-    auto slot = slot_of(id);
-    if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return;
+    auto* running = find(id);
+    if (!running) return;
     auto& runtime = over_.runtime();
-    running_[slot].orphaned_until = saturating_add(runtime.on().now(), runtime.options().linger);
+    running->orphaned_until = saturating_add(runtime.on().now(), runtime.options().linger);
     if (!orphans_) orphans_ = std::make_unique<timer>(runtime.on(), [this] { end_orphans(); });
-    if (!orphans_->armed()) orphans_->arm(running_[slot].orphaned_until); // the others come later
+    if (!orphans_->armed()) orphans_->arm(running->orphaned_until); // the others come later
 }
 
 bool incoming_calls::awaited(const running_call& call) {
@@ -397,14 +394,17 @@ void incoming_calls::on_session_end() {
 }
 
 void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
-    auto slot = slot_of(id);
-    if (slot >= running_.size() || running_[slot].id != id || !running_[slot].of) return;
-    auto& of = *running_[slot].of;
-    auto number = running_[slot].number;
+    auto* running = find(id);
+    if (!running) return;
+    auto& of = *running->of;
+    auto number = running->number;
     if (call_taps::any()) [[unlikely]]
         tap_end(*this, over_.runtime(), id, "ok", {}, &response);
-    if (number == 0) forget(id);
-    if (number == 0 && !over_.open()) return;
+    if (number == 0) {
+        running->of = nullptr;
+        --running_count_;
+        if (!over_.open()) return;
+    }
     auto& wire = over_.wire();
     if (auto unsent = wire.out().pending_call_bytes();
         number == 0 && unsent > over_.runtime().options().session_bytes) {
@@ -443,8 +443,7 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
         answer_numbered(number, out.view());
         return;
     }
-    if (object) wire.out().end_call(std::move(object));
-    else wire.out().end_call();
+    wire.out().end_call(std::move(object));
     wire.written();
 }
 
@@ -478,9 +477,8 @@ void incoming_calls::send_answer(std::uint64_t id, bytes_view frame) {
 void incoming_calls::refuse(std::uint64_t id, const failure& why) {
     if (call_taps::any()) [[unlikely]]
         tap_end(*this, over_.runtime(), id, std::string(name_of(why.code())), why.message(), nullptr);
-    auto slot = slot_of(id);
-    std::uint64_t number =
-        slot < running_.size() && running_[slot].id == id && running_[slot].of ? running_[slot].number : 0;
+    const auto* running = find(id);
+    const std::uint64_t number = running ? running->number : 0;
     forget(id);
     if (number == 0 && !over_.open()) return;
     wire::call_failure told;

@@ -81,10 +81,11 @@ private:
     void turn_away(const request_head& head, failure why);
     void deny(binding& of, const request_head& head);
     void consult(binding& of, bool note);
+    /// Null where no such call runs.
+    running_call* find(std::uint64_t id) noexcept;
     void forget(std::uint64_t id) noexcept;
     void serve(binding& of, const request_head& head, incoming_packet request);
     bool seen_before(binding& of, const request_head& head);
-    void occupy(binding& of, const request_head& head, bool elsewhere);
     bool awaited(const running_call& call);
     void end_orphans();
     void answer_numbered(std::uint64_t number, bytes_view frame);

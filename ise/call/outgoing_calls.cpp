@@ -100,8 +100,7 @@ bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
     slots_[at].service = head.service;
     call.moves(call_state::sent, *this);
     call.sent_to = over_.peer().incarnation;
-    if (object) connection.out().end_call(std::move(object));
-    else connection.out().end_call();
+    connection.out().end_call(std::move(object));
     connection.written();
     return true;
 }
@@ -143,15 +142,18 @@ result<void> outgoing_calls::on_reply(const net::carried_frame& received) {
         return {};
     }
     auto& service = *introduced_[found->service];
+    incoming_packet response(received.body, received.object);
     if (service.adapting) {
-        incoming_packet response(received.body, received.object);
         if (!service.held.hold(received.header.id, response))
             return failure(errc::overloaded,
                            fmt::format("{} replies of '{}' wait for its schema (held_replies, session_bytes)",
                                        service.held.size(), service.name));
         return {};
     }
-    complete(free_slot(*found), service, incoming_packet(received.body, received.object));
+    response.adapt = service.response.get();
+    call_outcome outcome;
+    outcome.response = &response;
+    calls_.end(free_slot(*found), outcome);
     return {};
 }
 
@@ -189,7 +191,10 @@ void outgoing_calls::release(introduced& service, const failure* problem) {
         if (!call) {
             ++calls_.late_replies;
         } else if (!problem) {
-            complete(*call, service, std::move(response));
+            response.adapt = service.response.get();
+            call_outcome outcome;
+            outcome.response = &response;
+            calls_.end(*call, outcome);
         } else {
             calls_.fail(*call, failure(problem->code(),
                                        fmt::format("the response of '{}' from {}: {}", service.name, over_.peer_name(),
@@ -197,13 +202,6 @@ void outgoing_calls::release(introduced& service, const failure* problem) {
                                        execution::unknown));
         }
     });
-}
-
-void outgoing_calls::complete(pending_call& call, introduced& service, incoming_packet response) {
-    call_outcome outcome;
-    response.adapt = service.response.get();
-    outcome.response = &response;
-    calls_.end(call, outcome);
 }
 
 result<void> outgoing_calls::on_error(const net::carried_frame& received) {

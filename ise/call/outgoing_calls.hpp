@@ -59,7 +59,6 @@ private:
     pending_call* take_slot(std::uint64_t id);
     void introduce(std::uint32_t number);
     void release(introduced& service, const failure* problem);
-    void complete(pending_call& call, introduced& service, incoming_packet response);
 
     conversation& over_;
     pending_calls& calls_;

@@ -29,7 +29,7 @@ pending_calls::~pending_calls() {
         if (call->done) on_.delist(*call);
 }
 
-pending_call& pending_calls::open() {
+pending_call& pending_calls::open(held_owner owner, call_cancellation& by) {
     if (free_.empty()) {
         all_.push_back(std::make_unique<pending_call>(*this));
         free_.push_back(all_.back().get());
@@ -37,12 +37,10 @@ pending_call& pending_calls::open() {
     auto* call = free_.back();
     free_.pop_back();
     on_.enlist(*call);
+    call->owner = std::move(owner);
+    call->cancellation = &by;
+    by.call_ = call;
     return *call;
-}
-
-void pending_calls::bind(pending_call& call, call_cancellation& by) noexcept {
-    call.cancellation = &by;
-    by.call_ = &call;
 }
 
 void pending_calls::unbind(pending_call& call) noexcept {

@@ -138,15 +138,13 @@ public:
     ~pending_calls();
 
     loop& on() noexcept { return on_; }
-    pending_call& open();
+    /// A call that `owner` keeps, and `by` cancels.
+    pending_call& open(held_owner owner, call_cancellation& by);
     /// Ends a call, once: its completion runs with the outcome, and the record is free again.
     void end(pending_call& call, const call_outcome& outcome);
     void fail(pending_call& call, const failure& why);
     /// The loop has ended: nothing completes it any more, whoever waits is unwound.
     void abandon(pending_call& call);
-
-    /// `by` cancels it from now on.
-    void bind(pending_call& call, call_cancellation& by) noexcept;
 
     /// Where the numbers of an owner's calls begin: no two owners of a component share any.
     std::uint64_t next_range() noexcept { return (++ranges_ << 40) + 1; }

@@ -7,7 +7,7 @@
 namespace ise {
 namespace {
 
-std::size_t edit_distance(std::string_view a, std::string_view b) {
+std::size_t name_distance(std::string_view a, std::string_view b) {
     std::vector<std::size_t> row(b.size() + 1);
     std::iota(row.begin(), row.end(), std::size_t{0});
     for (std::size_t i = 1; i <= a.size(); ++i) {
@@ -28,7 +28,7 @@ std::vector<std::string> nearest(std::string_view wanted, const std::vector<std:
     auto asked = wanted.substr(0, longest);
     std::vector<std::pair<std::size_t, std::string>> found;
     for (const auto& name : known) {
-        auto distance = edit_distance(asked, std::string_view(name).substr(0, longest));
+        auto distance = name_distance(asked, std::string_view(name).substr(0, longest));
         // A part of the path, "boat" for "atirma/boat", is as good as a slip of the pen.
         if (!wanted.empty() && name.find(wanted) != std::string::npos) distance = std::min<std::size_t>(distance, 1);
         if (distance <= std::max<std::size_t>(2, asked.size() / 3)) found.emplace_back(distance, name);

@@ -17,8 +17,8 @@
 namespace ise {
 namespace {
 
-constexpr std::size_t step = 64, classes = 32; // frames of up to 2 KiB
-constexpr std::size_t kept_bytes = 64 * 1024;  // of each size
+constexpr std::size_t step = 64, classes = 32;      // frames of up to 2 KiB
+constexpr std::size_t kept_frame_bytes = 64 * 1024; // of each size
 
 struct free_frame {
     free_frame* next;
@@ -88,7 +88,7 @@ void frame_pool::release(void* memory, std::size_t size) noexcept {
         if (lists.closed) return ::operator delete(memory);
         open_lists();
     }
-    if (lists.count[which] * (which + 1) * step >= kept_bytes) return ::operator delete(memory);
+    if (lists.count[which] * (which + 1) * step >= kept_frame_bytes) return ::operator delete(memory);
     lists.first[which] = ::new (memory) free_frame{lists.first[which]};
     close_off(lists.first[which], (which + 1) * step);
     ++lists.count[which];

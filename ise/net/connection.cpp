@@ -77,10 +77,10 @@ task<> connection::read([[maybe_unused]] std::shared_ptr<connection> held) {
 // What came with the handshake.
 bool connection::begin_to_take() {
     loop::turn in(on_);
-    const bool more = taken(take_frames());
-    if (more && objects_) objects_->use(*this);
-    if (more && datagrams_) datagrams_->use(std::shared_ptr<datagram_stream::user>(shared_from_this(), this));
-    return more;
+    take_frames();
+    if (open() && objects_) objects_->use(*this);
+    if (open() && datagrams_) datagrams_->use(std::shared_ptr<datagram_stream::user>(shared_from_this(), this));
+    return open();
 }
 
 // Whether to go on reading.
@@ -94,11 +94,7 @@ bool connection::take_read(const transfer& got) {
     loop::turn in(on_);
     alive_.heard(on_.now());
     parser_.commit(got.bytes);
-    return taken(take_frames());
-}
-
-bool connection::taken(const result<void>& state) {
-    if (!state && open()) end_for(state.error());
+    take_frames();
     return open();
 }
 
@@ -111,8 +107,9 @@ void connection::end_for_read(const std::error_code& problem) {
                                                : fmt::format("{} {}", peer_name(), how)));
 }
 
-// The peer is told what it did wrong, if that goes at once.
+// The peer is told what it did wrong, if that goes at once. Nothing where it has ended already.
 void connection::end_for(const failure& wrong) {
+    if (!open()) return;
     farewell_ = std::make_unique<failure>(wrong);
     say_goodbye();
     flush();
@@ -126,16 +123,14 @@ void connection::on_sign() {
     carried_frame sign;
     sign.header.type = frame_type::pong;
     sign.header.flags = wire::flag::stalled;
-    ++counts_.frames_in;
     auto taken = take(sign, receiver());
-    if (!taken && open()) end_for(taken.error());
+    if (!taken) end_for(taken.error());
 }
 
 // A message beside the stream: a packet, and nothing that has to arrive, or arrive once.
 void connection::on_message(bytes_view message) {
     if (!open()) return;
     counts_.bytes_in += message.size();
-    ++counts_.frames_in;
     carried_frame received;
     received.header = wire::read_header(message.data());
     received.body = message.subspan(wire::frame_header::size);
@@ -145,7 +140,7 @@ void connection::on_message(bytes_view message) {
     } else {
         state = take(received, receiver());
     }
-    if (!state && open()) end_for(state.error());
+    if (!state) end_for(state.error());
 }
 
 // From within the process: it is taken where it lies.
@@ -154,42 +149,47 @@ void connection::on_passed(bytes_view content, ring<passed_object>& attachments)
     counts_.bytes_in += content.size();
     alive_.heard(on_.now());
     attachments_ = &attachments;
-    auto state = take_lying(content);
+    take_lying(content);
     attachments_ = nullptr;
-    taken(state);
 }
 
 // What came of the stream over datagrams.
 void connection::on_content(bytes_view content) {
     if (!open()) return;
     counts_.bytes_in += content.size();
-    taken(take_lying(content));
+    take_lying(content);
 }
 
-result<void> connection::take_lying(bytes_view content) {
-    result<void> state;
+void connection::take_lying(bytes_view content) {
     auto* to = receiver();
-    for (carried_frame received; open() && state && parser_.pending() == 0 && parser_.take(received, content);) {
-        auto taken = take_whole(received, to);
-        if (!taken) state = std::move(taken);
+    for (carried_frame received; open() && parser_.pending() == 0 && parser_.take(received, content);) {
+        auto taken = take(received, to);
+        if (!taken) return end_for(taken.error());
     }
     if (content.empty()) parser_.rest();
     // A part of a frame, or none: as if it had been read.
-    while (open() && state && !content.empty()) {
+    while (open() && !content.empty()) {
         auto room = parser_.prepare();
         const auto count = std::min(room.size(), content.size());
         std::copy_n(content.begin(), count, room.begin());
         parser_.commit(count);
         content = content.subspan(count);
-        state = take_frames();
+        take_frames();
     }
-    return state;
 }
 
-result<void> connection::take_whole(carried_frame& received, user* receiver) {
-    ++counts_.frames_in;
-    received.object = nullptr;
-    if (!attachments_ || !(received.header.flags & wire::flag::attached)) return take(received, receiver);
+void connection::take_frames() {
+    auto* to = receiver();
+    for (carried_frame received; parser_.take(received);) {
+        auto taken = take(received, to);
+        if (!taken) return end_for(taken.error());
+        if (!open()) return;
+    }
+    auto rest = parser_.next();
+    if (!rest) end_for(rest.error());
+}
+
+result<void> connection::take_attached(carried_frame received, user* receiver) {
     if (attachments_->empty())
         return failure(errc::protocol_error, "a packet was to come beside its frame, and did not");
     auto object = attachments_->pop_front();
@@ -197,19 +197,10 @@ result<void> connection::take_whole(carried_frame& received, user* receiver) {
     return take(received, receiver);
 }
 
-result<void> connection::take_frames() {
-    auto* to = receiver();
-    for (carried_frame received; parser_.take(received);) {
-        auto taken = take_whole(received, to);
-        if (!taken) return taken;
-        if (!open()) return {};
-    }
-    auto rest = parser_.next();
-    if (!rest) return rest.error();
-    return {};
-}
-
 result<void> connection::take(const carried_frame& received, user* receiver) {
+    if (attachments_ && (received.header.flags & wire::flag::attached) && !received.object)
+        return take_attached(received, receiver);
+    ++counts_.frames_in;
     switch (received.header.type) {
         case frame_type::ping:
         case frame_type::pong:
@@ -291,7 +282,7 @@ void connection::flush() {
     signs_->claim();
     if (signs_->broken())
         return close(failure(errc::peer_lost, fmt::format("{} did not take a sign of life whole", peer_name())));
-    if (!pass_calls()) {
+    if (!objects_ || !pass_calls()) {
         auto& batches = on_.common<batch_pool>();
         if (!batch_) batch_ = batches.lend();
         write_out();
@@ -303,7 +294,7 @@ void connection::flush() {
 
 // Within a process calls and replies that wait alone, as most do, need no batch. The rest is `write_out`'s matter.
 bool connection::pass_calls() {
-    if (!objects_ || batch_ || phase_ != phase::open || !outbox_.calls_alone(on_.now())) return false;
+    if (batch_ || phase_ != phase::open || !outbox_.calls_alone(on_.now())) return false;
     const auto passed = objects_->pass(outbox_.calls(), outbox_.beside_calls());
     if (passed.problem) {
         batch_ = on_.common<batch_pool>().lend();

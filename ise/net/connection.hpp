@@ -160,12 +160,11 @@ private:
     bool begin_to_take();
     bool take_read(const transfer& got);
     void end_for_read(const std::error_code& problem);
-    bool taken(const result<void>& state);
     task<> write(std::shared_ptr<connection> held);
-    result<void> take_frames();
-    result<void> take_lying(bytes_view content);
-    result<void> take_whole(carried_frame& received, user* receiver);
+    void take_frames();
+    void take_lying(bytes_view content);
     result<void> take(const carried_frame& received, user* receiver);
+    result<void> take_attached(carried_frame received, user* receiver);
     result<void> take_own(const carried_frame& received, user* receiver);
     result<void> answers_bounded() const;
     static failure too_many_answers();

@@ -40,19 +40,17 @@ bool outbox::stamp(std::byte* body, std::uint8_t& flags, time_point now) const {
     return true;
 }
 
-bool outbox::stamp_frame(std::byte* frame, time_point now) const {
-    auto flags = detail::load_little<std::uint8_t>(frame + 5);
-    if (!stamp(frame + frame_header::size, flags, now)) return false;
-    detail::store_little(frame + 5, flags);
-    return true;
-}
-
 buffer& outbox::begin_call() {
     call_start_ = calls_.size();
     return calls_;
 }
 
-void outbox::end_call() {
+void outbox::end_call(passed_object packet) {
+    if (packet) {
+        attached_weight_ += packet.weight();
+        attachments_.push_back(std::move(packet));
+        return;
+    }
     std::size_t size = calls_.size() - call_start_;
     if (size <= whole_bytes) return;
     big_message message;
@@ -73,11 +71,6 @@ void outbox::end_call() {
     }
     message.id = next_piece_id_++;
     big_calls_.add(std::move(message));
-}
-
-void outbox::end_call(passed_object packet) {
-    attached_weight_ += packet.weight();
-    attachments_.push_back(std::move(packet));
 }
 
 passed_object outbox::take_beside() {
@@ -201,7 +194,7 @@ bool outbox::calls_alone(time_point now) {
         return true;
     };
     return each_request([now](std::byte* frame) { return deadline_of(frame + frame_header::size) > now; }) &&
-           each_request([this, now](std::byte* frame) { return stamp_frame(frame, now); });
+           each_request([this, now](std::byte* frame) { return stamp(frame, now); });
 }
 
 void outbox::move_calls(batch& out) {
@@ -216,7 +209,7 @@ void outbox::fill_calls(batch& out, time_point now) {
     while (at < calls_.size() && at - calls_taken_ + (weight_before - attached_weight_) < batch_limit_) {
         auto header = wire::read_header(calls_.data() + at);
         std::size_t size = frame_header::size + header.length;
-        const bool late = is_request(header) && !stamp_frame(calls_.data() + at, now);
+        const bool late = is_request(header) && !stamp(calls_.data() + at, now);
         if (header.flags & wire::flag::attached) {
             auto object = take_beside();
             if (!late) out.pass(std::move(object));

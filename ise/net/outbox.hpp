@@ -59,9 +59,8 @@ public:
     /// peer's time for it is put there, or what remains, and an expired request is not written at all. What a later
     /// frame relies on (a service's introduction) therefore goes into `control()`.
     buffer& begin_call();
-    void end_call();
-    /// The frame has its packet beside it (`wire::flag::attached`).
-    void end_call(passed_object packet);
+    /// `packet`: what the frame has beside it (`wire::flag::attached`), if anything.
+    void end_call(passed_object packet = {});
 
     void add(publication_source& source);
     void remove(publication_source& source) noexcept;
@@ -149,7 +148,9 @@ private:
     bool may_begin(const big_messages& among, const big_message& one) const noexcept;
 
     bool stamp(std::byte* body, std::uint8_t& flags, time_point now) const;
-    bool stamp_frame(std::byte* frame, time_point now) const;
+    bool stamp(std::byte* frame, time_point now) const {
+        return stamp(frame + wire::frame_header::size, reinterpret_cast<std::uint8_t&>(frame[5]), now);
+    }
     void fill_calls(batch& out, time_point now);
     void fill_pieces(big_messages& from, batch& out, time_point now);
     void fill_publications(batch& out);

@@ -29,7 +29,7 @@ struct place {
     }
 };
 
-std::size_t edit_distance(std::string_view a, std::string_view b) {
+std::size_t field_name_distance(std::string_view a, std::string_view b) {
     std::vector<std::size_t> row(b.size() + 1);
     std::iota(row.begin(), row.end(), std::size_t{0}); // what was left out costs least: lat_deg means latitude_deg
     for (std::size_t i = 1; i <= a.size(); ++i) {
@@ -305,7 +305,7 @@ private:
             std::string advice = type.members.empty() ? ": it has no fields" : "";
             std::size_t nearest = std::numeric_limits<std::size_t>::max();
             for (const auto& field : type.members)
-                if (std::size_t distance = edit_distance(shortened, field.name); distance < nearest) {
+                if (std::size_t distance = field_name_distance(shortened, field.name); distance < nearest) {
                     nearest = distance;
                     advice = fmt::format(", did you mean '{}'?", field.name);
                 }

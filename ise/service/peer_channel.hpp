@@ -110,7 +110,7 @@ private:
     void note_wait(std::string_view service, const packet_types* types);
     void note_miss(std::string_view service, const packet_types* types, std::string cause);
 
-    // A role's (peer_channel_moves.cpp).
+    // A role's.
     void take_members(const resolution& found);
     void forget_role() noexcept;
     void lose_member(session& ended, const failure& cause);

@@ -19,29 +19,28 @@ namespace detail {
 
 std::shared_ptr<subscription_owner> subscriptions_of(std::shared_ptr<peer_channel> to) { return to; }
 
-std::optional<failure> check_place(peer_channel& to, service_key service) {
-    if (to.runtime().on().running_here()) return std::nullopt;
-    return failure(errc::invalid_argument,
-                   fmt::format("'{}' at {} was used off its component's thread: spawn the call on that component "
-                               "(component::spawn), or wait for it from another thread (component::wait)",
-                               service.name, to.name()));
-}
-
 namespace {
+
+failure misplaced(peer_channel& to, service_key service) {
+    return {errc::invalid_argument,
+            fmt::format("'{}' at {} was used off its component's thread: spawn the call on that component "
+                        "(component::spawn), or wait for it from another thread (component::wait)",
+                        service.name, to.name())};
+}
 
 template <class Link>
 void start(Link&& to, service_key service, duration deadline, const asio::any_io_executor& waiting,
            call_cancellation& cancellation, call_completion done, outgoing_packet request) {
-    if (auto misplaced = check_place(*to, service)) {
-        auto completion = done(call_outcome{&*misplaced, nullptr});
+    if (!to->runtime().on().running_here()) [[unlikely]] {
+        auto why = misplaced(*to, service);
+        auto completion = done(call_outcome{&why, nullptr});
         if (waiting) asio::post(waiting, std::move(completion));
         else asio::post(asio::system_executor(), std::move(completion));
         return;
     }
     auto& way = *to;
     auto& on = way.runtime().on();
-    auto& call = way.calls().open();
-    call.owner = call_owner::hold(std::forward<Link>(to));
+    auto& call = way.calls().open(call_owner::hold(std::forward<Link>(to)), cancellation);
     call.service.assign(service.name);
     call.types = service.types;
     call.deadline =
@@ -52,12 +51,16 @@ void start(Link&& to, service_key service, duration deadline, const asio::any_io
         call.deadline = std::min(call.deadline, call.made_in->deadline);
         call.trace = call.made_in->trace;
     }
-    way.calls().bind(call, cancellation);
     call.done = std::move(done);
     way.submit(call, request);
 }
 
 } // namespace
+
+std::optional<failure> check_place(peer_channel& to, service_key service) {
+    if (to.runtime().on().running_here()) return std::nullopt;
+    return misplaced(to, service);
+}
 
 void start_call(const std::shared_ptr<peer_channel>& to, service_key service, duration deadline,
                 const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,

@@ -6,7 +6,7 @@ namespace ise {
 namespace {
 
 // What a burst took beyond this is given back when the queue has been emptied with little in it.
-constexpr std::size_t kept_bytes = 4 * 1024;
+constexpr std::size_t kept_queue_bytes = 4 * 1024;
 
 } // namespace
 
@@ -24,7 +24,7 @@ void receive_queue::make_room(std::size_t more) {
 }
 
 void receive_queue::drained() noexcept {
-    if (content_.capacity() > kept_bytes && begin_ < content_.capacity() / 8) content_ = buffer();
+    if (content_.capacity() > kept_queue_bytes && begin_ < content_.capacity() / 8) content_ = buffer();
     content_.clear();
     begin_ = 0;
 }

@@ -27,17 +27,15 @@ public:
         if (front_word() & object_mark) return {{}, &objects_.front()};
         return {{content_.data() + begin_ + head_bytes, front_size()}, nullptr};
     }
-    packet_origin front_origin() const noexcept {
+    /// Removes the oldest, and gives what was known of it.
+    packet_origin pop() noexcept {
         packet_origin from;
         from.lost_before = detail::load_little<std::uint64_t>(content_.data() + begin_);
         from.published_at = wall_time(duration(detail::load_little<std::int64_t>(content_.data() + begin_ + 16)));
-        return from;
-    }
-
-    void pop() noexcept {
         if (front_word() & object_mark) auto gone = objects_.pop_front();
         begin_ += head_bytes + front_size();
         if (--count_ == 0) drained();
+        return from;
     }
 
 private:

@@ -137,14 +137,10 @@ void remote_subscriber::stop_lingering() {
 
 send_queue::stretch remote_subscriber::pop(std::size_t most) {
     auto taken = queue_.pop(most);
-    popped(taken);
-    return taken;
-}
-
-void remote_subscriber::popped(const send_queue::stretch& taken) noexcept {
     if (line_) line_->held_bytes() -= taken.cost();
     resent_ -= std::min(resent_, taken.packets);
     full_since_ = time_point::max();
+    return taken;
 }
 
 void remote_subscriber::keep(const send_queue::stretch& sent) {
@@ -267,9 +263,8 @@ bool remote_subscriber::offer(const published_packet& packet) {
 // What was skipped before it is told with the next one.
 void remote_subscriber::drop_oldest(std::uint64_t& reason) {
     ++reason;
-    send_queue::stretch dropped;
-    skipped_ += queue_.drop(dropped);
-    popped(dropped);
+    const auto dropped = pop(1);
+    if (!queue_.carry_over(dropped.skipped)) skipped_ += dropped.skipped;
     ++dropped_;
     ++group_.runtime().counts().packets_dropped;
 }

@@ -87,7 +87,6 @@ private:
     void keep(const send_queue::stretch& sent);
     void forget_arrived();
     std::size_t held() const noexcept { return queue_.cost() + sent_packets_.cost(); }
-    void popped(const send_queue::stretch& taken) noexcept;
     void put_alone(net::outbox& out);
     void drop_oldest(std::uint64_t& reason);
     bool full(std::size_t more) const noexcept;

@@ -26,11 +26,4 @@ send_queue::stretch send_queue::pop(std::size_t most) {
     return taken;
 }
 
-std::uint32_t send_queue::drop(stretch& dropped) {
-    dropped = pop(1);
-    if (stretches_.empty()) return dropped.skipped;
-    stretches_.front().skipped += dropped.skipped;
-    return 0;
-}
-
 } // namespace ise

@@ -58,8 +58,12 @@ public:
     const stretch& front() const noexcept { return stretches_.front(); }
     /// Takes the first `most` packets of the oldest stretch.
     stretch pop(std::size_t most);
-    /// Takes one packet, which is dropped: what was skipped before it stands before the next one, or is returned.
-    std::uint32_t drop(stretch& dropped);
+    /// What was skipped before a packet that was dropped stands before the next one; false where there is none.
+    bool carry_over(std::uint32_t skipped) noexcept {
+        if (stretches_.empty()) return false;
+        stretches_.front().skipped += skipped;
+        return true;
+    }
     /// From now on they go to another number.
     void readdress() noexcept {
         for (std::size_t place = 0; place < stretches_.size(); ++place) stretches_[place].addressed = false;

@@ -343,15 +343,11 @@ incoming_packet* subscriber_core::waiting_packet() noexcept {
     return &front_.emplace(queue_.front());
 }
 
-void subscriber_core::drop_oldest() {
-    gap_ = gap_of(gap_of(gap_, queue_.front_origin().lost_before), 1);
-    queue_.pop();
-}
+void subscriber_core::drop_oldest() { gap_ = gap_of(gap_of(gap_, queue_.pop().lost_before), 1); }
 
 packet_origin subscriber_core::take_packet() {
-    auto from = queue_.front_origin();
+    auto from = queue_.pop();
     from.lost_before = gap_of(std::exchange(gap_, 0), from.lost_before);
-    queue_.pop();
     taken();
     return from;
 }

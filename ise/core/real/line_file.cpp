@@ -12,7 +12,7 @@
 namespace ise {
 namespace {
 
-failure failed(std::string_view what, const std::string& path) {
+failure line_file_failure(std::string_view what, const std::string& path) {
     return io_failure(fmt::format("{} {}", what, path), std::error_code(errno, std::system_category()));
 }
 
@@ -20,10 +20,10 @@ failure failed(std::string_view what, const std::string& path) {
 
 result<std::shared_ptr<line_file>> line_file::open(const std::string& path) {
     int descriptor = ::open(path.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC | O_NOCTTY | O_NONBLOCK, 0600);
-    if (descriptor < 0) return failed("cannot write to", path);
+    if (descriptor < 0) return line_file_failure("cannot write to", path);
     std::shared_ptr<line_file> made(new line_file(descriptor, path));
     struct stat is {};
-    if (::fstat(descriptor, &is) != 0) return failed("cannot look at", path);
+    if (::fstat(descriptor, &is) != 0) return line_file_failure("cannot look at", path);
     if (!S_ISREG(is.st_mode)) return failure(errc::invalid_argument, fmt::format("{} is no file", path));
     return made;
 }
@@ -38,7 +38,7 @@ result<void> line_file::append(std::string_view line) {
         if (written == static_cast<ssize_t>(whole.size())) return {};
         if (written < 0 && errno == EINTR) continue;
         if (written >= 0) errno = ENOSPC;
-        return failed("cannot write to", path_);
+        return line_file_failure("cannot write to", path_);
     }
 }
 

@@ -83,6 +83,26 @@ failure key_refused_by_peer(int alert) {
     }
 }
 
+std::optional<failure> key_refused_here(int reason) {
+    switch (reason) {
+        case SSL_R_BINDER_DOES_NOT_VERIFY: return failure(errc::unauthorized, "the shared key here is another one");
+        case SSL_R_CERTIFICATE_VERIFY_FAILED:
+            return failure(errc::unauthorized, "it shows a certificate instead of the shared key (dial tls://)");
+        case SSL_R_NO_SHARED_CIPHER:
+        case SSL_R_NO_SUITABLE_SIGNATURE_ALGORITHM:
+        case SSL_R_NO_CERTIFICATE_SET:
+            return failure(errc::unauthorized, "a shared key is demanded here, and TLS without it was offered: it "
+                                               "dials tls://, or has something else in mind");
+        case SSL_R_HTTP_REQUEST:
+        case SSL_R_HTTPS_PROXY_REQUEST:
+        case SSL_R_PACKET_LENGTH_TOO_LONG:
+        case SSL_R_WRONG_VERSION_NUMBER:
+            return failure(errc::protocol_error,
+                           "it does not seal the session: it has no shared key, or it is something else");
+        default: return std::nullopt;
+    }
+}
+
 } // namespace
 
 result<std::shared_ptr<ssl_ctx_st>> psk_context(const psk_secret& secret) {
@@ -113,35 +133,23 @@ result<std::shared_ptr<ssl_ctx_st>> psk_context(const psk_secret& secret) {
     return std::shared_ptr<ssl_ctx_st>(std::move(made));
 }
 
-failure psk_failure_noted() {
+failure first_error_noted(const error_meanings& here) {
     auto code = ERR_get_error();
     ERR_clear_error();
-    int reason = ERR_GET_REASON(code);
     if (code != 0 && ERR_GET_LIB(code) == ERR_LIB_SSL) {
-        if (reason >= SSL_AD_REASON_OFFSET) return key_refused_by_peer(reason - SSL_AD_REASON_OFFSET);
-        switch (reason) {
-            case SSL_R_BINDER_DOES_NOT_VERIFY: return {errc::unauthorized, "the shared key here is another one"};
-            case SSL_R_CERTIFICATE_VERIFY_FAILED:
-                return {errc::unauthorized, "it shows a certificate instead of the shared key (dial tls://)"};
-            case SSL_R_NO_SHARED_CIPHER:
-            case SSL_R_NO_SUITABLE_SIGNATURE_ALGORITHM:
-            case SSL_R_NO_CERTIFICATE_SET:
-                return {errc::unauthorized, "a shared key is demanded here, and TLS without it was offered: it dials "
-                                            "tls://, or has something else in mind"};
-            case SSL_R_UNSUPPORTED_PROTOCOL:
-            case SSL_R_VERSION_TOO_LOW: return {errc::protocol_error, "it speaks no TLS 1.3"};
-            case SSL_R_HTTP_REQUEST:
-            case SSL_R_HTTPS_PROXY_REQUEST:
-            case SSL_R_PACKET_LENGTH_TOO_LONG:
-            case SSL_R_WRONG_VERSION_NUMBER:
-                return {errc::protocol_error,
-                        "it does not seal the session: it has no shared key, or it is something else"};
-            default: break;
-        }
+        int reason = ERR_GET_REASON(code);
+        if (reason >= SSL_AD_REASON_OFFSET) return here.of_alert(reason - SSL_AD_REASON_OFFSET);
+        if (reason == SSL_R_UNSUPPORTED_PROTOCOL || reason == SSL_R_VERSION_TOO_LOW)
+            return {errc::protocol_error, "it speaks no TLS 1.3"};
+        if (auto special = here.of_reason(reason)) return *special;
     }
     const char* text = code ? ERR_reason_error_string(code) : nullptr;
     return {errc::protocol_error,
-            fmt::format("the sealed session broke: {}", text ? text : "for no reason that OpenSSL tells")};
+            fmt::format("{}: {}", here.otherwise, text ? text : "for no reason that OpenSSL tells")};
+}
+
+failure psk_failure_noted() {
+    return first_error_noted({key_refused_by_peer, key_refused_here, "the sealed session broke"});
 }
 
 } // namespace ise::net::tls

@@ -22,7 +22,15 @@ using psk_secret = std::array<std::uint8_t, 32>;
 /// Errors: errc::io_failed, where OpenSSL lacks what is needed.
 result<std::shared_ptr<ssl_ctx_st>> psk_context(const psk_secret& secret);
 
-/// What the first failure that OpenSSL noted on this thread means for the session. Clears the notes.
+/// What errors of OpenSSL mean for one kind of session.
+struct error_meanings {
+    failure (*of_alert)(int alert);                ///< the peer refused the session
+    std::optional<failure> (*of_reason)(int code); ///< this side did, by OpenSSL's reason; empty: nothing special
+    std::string_view otherwise;                    ///< begins the text for everything else
+};
+/// What the first error that OpenSSL noted on this thread means for the session. Clears the notes.
+failure first_error_noted(const error_meanings& here);
+/// The same for a session sealed by the shared key.
 failure psk_failure_noted();
 
 /// The alerts by which a listener without sealed sessions answers one that asks for them.

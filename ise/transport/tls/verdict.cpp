@@ -4,7 +4,6 @@
 
 #include <fmt/format.h>
 
-#include <openssl/err.h>
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
 
@@ -80,6 +79,22 @@ failure refused_by_peer(int alert) {
     }
 }
 
+std::optional<failure> certificate_refused_here(int reason) {
+    switch (reason) {
+        case SSL_R_PEER_DID_NOT_RETURN_A_CERTIFICATE: return failure(errc::unauthorized, "it showed no certificate");
+        case SSL_R_EXCESSIVE_MESSAGE_SIZE:
+            return failure(errc::too_large, fmt::format("it sent more than {} bytes of certificates (max_certificates)",
+                                                        max_certificates));
+        case SSL_R_HTTP_REQUEST:
+        case SSL_R_HTTPS_PROXY_REQUEST:
+        case SSL_R_PACKET_LENGTH_TOO_LONG:
+        case SSL_R_WRONG_VERSION_NUMBER:
+            return failure(errc::protocol_error,
+                           "it speaks without TLS, or something else: one side has tls://, the other not");
+        default: return std::nullopt;
+    }
+}
+
 } // namespace
 
 std::string objection(x509_store_ctx_st& check, const std::string& wanted_host) {
@@ -116,30 +131,6 @@ std::string objection(x509_store_ctx_st& check, const std::string& wanted_host) 
     }
 }
 
-failure failure_noted() {
-    auto code = ERR_get_error();
-    ERR_clear_error();
-    int reason = ERR_GET_REASON(code);
-    if (code != 0 && ERR_GET_LIB(code) == ERR_LIB_SSL) {
-        if (reason >= SSL_AD_REASON_OFFSET) return refused_by_peer(reason - SSL_AD_REASON_OFFSET);
-        switch (reason) {
-            case SSL_R_PEER_DID_NOT_RETURN_A_CERTIFICATE: return {errc::unauthorized, "it showed no certificate"};
-            case SSL_R_EXCESSIVE_MESSAGE_SIZE:
-                return {errc::too_large,
-                        fmt::format("it sent more than {} bytes of certificates (max_certificates)", max_certificates)};
-            case SSL_R_UNSUPPORTED_PROTOCOL:
-            case SSL_R_VERSION_TOO_LOW: return {errc::protocol_error, "it speaks no TLS 1.3"};
-            case SSL_R_HTTP_REQUEST:
-            case SSL_R_HTTPS_PROXY_REQUEST:
-            case SSL_R_PACKET_LENGTH_TOO_LONG:
-            case SSL_R_WRONG_VERSION_NUMBER:
-                return {errc::protocol_error,
-                        "it speaks without TLS, or something else: one side has tls://, the other not"};
-            default: break;
-        }
-    }
-    const char* text = code ? ERR_reason_error_string(code) : nullptr;
-    return {errc::protocol_error, fmt::format("TLS broke: {}", text ? text : "for no reason that OpenSSL tells")};
-}
+failure failure_noted() { return first_error_noted({refused_by_peer, certificate_refused_here, "TLS broke"}); }
 
 } // namespace ise::net::tls

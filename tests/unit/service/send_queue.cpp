@@ -87,13 +87,16 @@ TEST_CASE("what was skipped before a dropped packet stands before the next one")
     waiting.push(frame_of(maker, 4), 3, true);
     waiting.push(frame_of(maker, 5), 0, true);
     waiting.push(frame_of(maker, 7), 1, true);
-    send_queue::stretch dropped;
-    CHECK(waiting.drop(dropped) == 0);
+    auto dropped = waiting.pop(1);
     CHECK(sequences(dropped) == order{4});
+    CHECK(waiting.carry_over(dropped.skipped));
     CHECK(waiting.front().skipped == 3);
-    CHECK(waiting.drop(dropped) == 0);
+    dropped = waiting.pop(1);
+    CHECK(waiting.carry_over(dropped.skipped));
     CHECK(waiting.front().skipped == 4);
-    CHECK(waiting.drop(dropped) == 4); // there is no next one
+    dropped = waiting.pop(1);
+    CHECK(dropped.skipped == 4);
+    CHECK_FALSE(waiting.carry_over(dropped.skipped)); // there is no next one
     CHECK(waiting.empty());
 }
 
