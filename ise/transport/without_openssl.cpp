@@ -52,5 +52,9 @@ task<result<std::unique_ptr<stream>>> greet(loop&, std::unique_ptr<stream>, std:
 std::unique_ptr<net::udp::seal> net::udp::seal::make(std::shared_ptr<const shared_key>, bool, key_life) {
     throw std::logic_error("there is no key");
 }
+std::unique_ptr<net::udp::seal> net::udp::seal::make(std::shared_ptr<tls::identity>, environment&, std::string,
+                                                     key_life) {
+    throw std::logic_error("there is no identity");
+}
 
 } // namespace ise

@@ -85,6 +85,10 @@ sealed_udp::sealed_udp() : real_world(of_datagrams("udp://127.0.0.1:0", "udp://1
     credentials.key_file = key_file();
 }
 
+certified_udp::certified_udp() : real_world(of_datagrams("udp+tls://127.0.0.1:0", "udp://127.0.0.1:0")) {
+    credentials.tls_folder = certificates().string();
+}
+
 virtual_world::virtual_world(column what, const weather& now) : world(std::move(what)), sea_(now.seed) {
     has.heartbeat_ns = 5'000'000'000; // lost packets are late ones there
     auto& between = sea_.net().between("boat", "shore");
@@ -98,6 +102,13 @@ virtual_tcp::virtual_tcp(const weather& now)
     : virtual_world(of_streams("tcp://10.0.0.1:7400", "tcp://10.0.0.1:7500"), now) {}
 virtual_tls::virtual_tls(const weather& now)
     : virtual_world(of_streams("tls://10.0.0.1:7400", "tcp://10.0.0.1:7500"), now) {
+    give_certificates();
+}
+virtual_certified_udp::virtual_certified_udp(const weather& now)
+    : virtual_world(of_datagrams("udp+tls://10.0.0.1:7400", "udp://10.0.0.1:7500"), now) {
+    give_certificates();
+}
+void virtual_world::give_certificates() {
     for (const char* host : {"boat", "shore"})
         for (const char* file : {"ca.pem", "certificate.pem", "key.pem"})
             sea_.host(host).write_file(std::string("tls/") + file, ise_test::read_all(certificates() / file));

@@ -104,6 +104,10 @@ struct udp6 : real_world {
 struct sealed_udp : real_world {
     sealed_udp();
 };
+/// With certificates.
+struct certified_udp : real_world {
+    certified_udp();
+};
 
 /// The virtual network between the two hosts.
 struct weather {
@@ -129,6 +133,8 @@ public:
     }
 
 protected:
+    void give_certificates();
+
     ise::sim::world sea_;
 
 private:
@@ -148,6 +154,9 @@ struct virtual_udp : virtual_world {
 };
 struct virtual_sealed_udp : virtual_world {
     explicit virtual_sealed_udp(const weather& now = {});
+};
+struct virtual_certified_udp : virtual_world {
+    explicit virtual_certified_udp(const weather& now = {});
 };
 
 } // namespace conformance

@@ -7,6 +7,7 @@ from typing import Any, Iterable
 import schema
 from frames import NONCE, REQUEST, SCHEME, Frame, FrameReader, control, encode, encode_frame, prove, read_body
 from relay import dial
+from sealing import dial_sealed
 
 AT_ONCE = 64  # fingerprints of one schema_request
 
@@ -16,15 +17,16 @@ def raw(frame: Frame) -> bytes:
 
 
 class Peer:
-    """An anonymous initiator, with a shared key or without. Raises ConnectionError where the other side says no or leaves."""
+    """An anonymous initiator, without a shared key, with one by the old scheme, or in a `sealed` session. Raises
+    ConnectionError where the other side says no or leaves."""
 
-    def __init__(self, key: bytes | None = None):
-        self.key = key
+    def __init__(self, key: bytes | None = None, sealed: bytes | None = None):
+        self.key, self.sealed = key, sealed
         self.reader = FrameReader()
         self.waiting: list[Frame] = []
 
     async def connect(self, to: str) -> dict[str, Any]:
-        self.from_peer, self.to_peer = await dial(to)
+        self.from_peer, self.to_peer = await (dial_sealed(to, self.sealed, dial) if self.sealed else dial(to))
         identity = {"host_name": "python", "process_key": "wire_reader", "incarnation": 1}
         if self.key is None:
             self.to_peer.write(control("hello", self=identity))

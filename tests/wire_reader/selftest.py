@@ -11,6 +11,7 @@ import broken_datagrams
 import broken_sessions
 import checker
 import schema
+import sealing
 from broken_datagrams import good_datagrams
 from broken_sessions import KEY, TEXTS, good_session, keyed_session
 from packet import Malformed, decode, to_json
@@ -52,6 +53,31 @@ def rules_in_source() -> dict[tuple[str, int], str]:
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in ("require", "note"):
                 out[file.name, node.lineno] = ast.unparse(node)
     return {place: text for place, text in out.items() if not text.startswith("self.require(holds")}
+
+
+class Sealing(unittest.TestCase):
+    def test_the_ciphers_make_what_their_standards_say(self):
+        aead = sealing.AesGcm(bytes.fromhex("feffe9928665731c6d6a8f9467308308"))  # test case 4 of the specification of GCM
+        data = bytes.fromhex("d9313225f88406e5a55909c5aff5269a86a7a9531534f7da2e4c303d8a318a721c3c0c95956809532fcf0e2449a6b525b16aedf5aa0de657ba637b39")
+        head, nonce = bytes.fromhex("feedfacedeadbeeffeedfacedeadbeefabaddad2"), bytes.fromhex("cafebabefacedbaddecaf888")
+        sealed, tag = aead.seal(nonce, head, data)
+        self.assertEqual(tag.hex(), "5bc94fbc3221a5db94fae95ae7121a47")
+        self.assertEqual(aead.open(nonce, head, sealed, tag), data)
+        scalar = bytes.fromhex("a546e36bf0527c9d3b16154b82465edd62144c0ac1fc5a18506a2244ba449ac4")  # RFC 7748, 5.2
+        point = bytes.fromhex("e6db6867583030db3594c1a424b15f7c726624ec26b3353b10a903a6d0ab1c4c")
+        self.assertEqual(sealing.x25519(scalar, point).hex(), "c3da55379de9c6908e94ea4df28d084f32eccf03491c71f754b4075577a28552")
+
+    def test_a_sealed_datagram_opens_under_its_own_number_and_head_only(self):
+        direction = sealing.Direction(bytes(range(32)))
+        datagram = direction.made(22, 7, b"chunks")
+        self.assertEqual(direction.opened(datagram), (7, b"chunks"))
+        for bit in range(8 * len(datagram)):
+            changed = bytearray(datagram)
+            changed[bit // 8] ^= 1 << bit % 8
+            with self.assertRaises(ConnectionError):
+                direction.opened(bytes(changed))
+        with self.assertRaises(ConnectionError):
+            direction.next().opened(datagram)
 
 
 class Checking(unittest.TestCase):

@@ -131,6 +131,28 @@ class RecordedSessions(unittest.IsolatedAsyncioTestCase):
                     out[name] = out.get(name, 0) + count
         return out
 
+    async def test_sealed_sessions(self):
+        """This reader speaks them by itself: over tcp, a local socket and udp."""
+        key = b"fedcba9876543210" * 4
+        file = self.folder / "sealing-key"
+        file.touch(0o600)
+        file.write_bytes(key)
+        listen = f"tcp://127.0.0.1:0,local://{self.folder}/sealed,udp://127.0.0.1:0"
+        provider = await self.stack.enter_async_context(Program(OPTIONS.party, "provide", listen, ISE_KEY=str(file)))
+        for at in (await provider.endpoint("at ")).split():
+            with self.subTest(at):
+                peer = Peer(sealed=key)
+                await peer.connect(at)
+                answer = await peer.call("helm", "struct{said:string}", "struct{said:string}", {"said": "x" * 3000})
+                self.assertEqual(answer.name, "reply")
+                self.assertIn(b"x" * 3000, answer.body)
+                if at.startswith("udp"):
+                    self.assertEqual(peer.from_peer.plain, 0)
+                    self.assertGreater(len(peer.from_peer.came), 2)
+                await peer.leave()
+                with self.assertRaisesRegex(ConnectionError, "alert"):
+                    await Peer(sealed=b"y" * 64).connect(at)
+
     async def test_shared_key(self):
         """Both programs and this reader know a key, by the old scheme; whoever does not is told so."""
         key = b"0123456789abcdef" * 4

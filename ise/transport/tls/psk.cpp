@@ -29,6 +29,11 @@ bool has_aes() noexcept {
 #endif
 }
 
+const char* suites(bool aes) noexcept {
+    return aes ? "TLS_AES_128_GCM_SHA256:TLS_CHACHA20_POLY1305_SHA256"
+               : "TLS_CHACHA20_POLY1305_SHA256:TLS_AES_128_GCM_SHA256";
+}
+
 SSL_SESSION* session_with_key(SSL* tls) {
     constexpr unsigned char aes_128_gcm_sha256[] = {0x13, 0x01}; // any suite with SHA-256 may be chosen then
     const auto* secret = static_cast<const psk_secret*>(SSL_CTX_get_app_data(SSL_get_SSL_CTX(tls)));
@@ -110,10 +115,8 @@ result<std::shared_ptr<ssl_ctx_st>> psk_context(const psk_secret& secret) {
     std::shared_ptr<SSL_CTX> made(SSL_CTX_new(TLS_method()), SSL_CTX_free);
     auto* to = made.get();
     const bool aes = has_aes();
-    const char* suites = aes ? "TLS_AES_128_GCM_SHA256:TLS_CHACHA20_POLY1305_SHA256"
-                             : "TLS_CHACHA20_POLY1305_SHA256:TLS_AES_128_GCM_SHA256";
     if (!to || SSL_CTX_set_min_proto_version(to, TLS1_3_VERSION) != 1 ||
-        SSL_CTX_set_max_proto_version(to, TLS1_3_VERSION) != 1 || SSL_CTX_set_ciphersuites(to, suites) != 1 ||
+        SSL_CTX_set_max_proto_version(to, TLS1_3_VERSION) != 1 || SSL_CTX_set_ciphersuites(to, suites(aes)) != 1 ||
         SSL_CTX_set_session_id_context(to, reinterpret_cast<const unsigned char*>(psk_identity.data()),
                                        psk_identity.size()) != 1) {
         auto code = ERR_get_error();
@@ -131,6 +134,12 @@ result<std::shared_ptr<ssl_ctx_st>> psk_context(const psk_secret& secret) {
     SSL_CTX_set_psk_use_session_callback(to, offer);
     SSL_CTX_set_psk_find_session_callback(to, find);
     return std::shared_ptr<ssl_ctx_st>(std::move(made));
+}
+
+bool use_sealing_ciphers(SSL* session) noexcept {
+    const bool aes = has_aes();
+    if (!aes) SSL_set_options(session, SSL_OP_CIPHER_SERVER_PREFERENCE); // the weaker end decides
+    return SSL_set_ciphersuites(session, suites(aes)) == 1;
 }
 
 failure first_error_noted(const error_meanings& here) {

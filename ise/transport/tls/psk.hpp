@@ -10,7 +10,8 @@
 #include <span>
 #include <string_view>
 
-struct ssl_ctx_st; // of OpenSSL
+struct ssl_st; // of OpenSSL
+struct ssl_ctx_st;
 
 /// Sessions that are sealed by the shared key: TLS 1.3 with an external PSK and an ephemeral key exchange (FORMAT.md,
 /// section 17).
@@ -21,6 +22,9 @@ using psk_secret = std::array<std::uint8_t, 32>;
 /// What sessions are made with. Lifetime: `secret` outlives the context and the sessions made with it.
 /// Errors: errc::io_failed, where OpenSSL lacks what is needed.
 result<std::shared_ptr<ssl_ctx_st>> psk_context(const psk_secret& secret);
+
+/// The cipher suites of sealed sessions, the one first that is fast on this processor. False: OpenSSL noted why not.
+bool use_sealing_ciphers(ssl_st* session) noexcept;
 
 /// What errors of OpenSSL mean for one kind of session.
 struct error_meanings {
@@ -36,6 +40,7 @@ failure psk_failure_noted();
 /// The alerts by which a listener without sealed sessions answers one that asks for them.
 enum class refusal : std::uint8_t {
     old_scheme = 71, ///< insufficient_security: it demands the proof of the old scheme
+    unable = 80,     ///< internal_error: its credentials cannot be used
     no_key = 115,    ///< unknown_psk_identity: it has no key
 };
 /// The record of TLS with that alert.

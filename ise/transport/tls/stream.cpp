@@ -4,9 +4,8 @@
 #include <ise/packet/codec.hpp>
 #include <ise/transport/sealed_stream.hpp>
 #include <ise/transport/shared_key.hpp>
+#include <ise/transport/tls/proof.hpp>
 #include <ise/transport/tls/psk.hpp>
-#include <ise/transport/tls/subject.hpp>
-#include <ise/transport/tls/verdict.hpp>
 #include <ise/wire/body.hpp>
 #include <ise/wire/frame.hpp>
 #include <ise/wire/messages.hpp>
@@ -15,7 +14,6 @@
 
 #include <openssl/err.h>
 #include <openssl/ssl.h>
-#include <openssl/x509v3.h>
 
 #include <asio/error.hpp>
 
@@ -35,6 +33,8 @@ constexpr std::size_t max_unsent = 256 * 1024;
 // alert along.
 constexpr std::size_t max_drained = 64 * 1024;
 
+constexpr std::size_t sealed_begin = 5; // up to the type of a frame
+
 enum class trouble { cut_off = 1, broken };
 
 class trouble_category final : public std::error_category {
@@ -49,96 +49,22 @@ std::error_code made(trouble what) {
     return {static_cast<int>(what), category};
 }
 
-// How the ends of a session prove who they are.
-class proof {
-public:
-    virtual ~proof() = default;
-    virtual result<std::shared_ptr<ssl_ctx_st>> context(environment& env) const = 0;
-    /// Readies one end, which calls `host` (empty: it was called); `verify` is called for each certificate of the peer.
-    /// False: OpenSSL has noted why not.
-    virtual bool prepare(SSL* tls, environment& env, const std::string& host,
-                         int (*verify)(int, X509_STORE_CTX*)) const = 0;
-    /// The handshake is over: why it proves nothing all the same.
-    virtual std::optional<failure> missing(SSL*) const { return std::nullopt; }
-    /// What the first failure that OpenSSL has noted means.
-    virtual failure noted() const = 0;
-    /// What who begins so, without TLS, is told before the end; nothing: that is OpenSSL's to say.
-    virtual std::optional<failure> stranger(bytes_view) const { return std::nullopt; }
-    /// How many bytes `stranger` looks at.
-    virtual std::size_t begin_bytes() const { return 0; }
-    virtual std::string_view what_began() const = 0;
-    /// The endpoint of this side, given that of the stream below.
-    virtual std::optional<endpoint> local(std::optional<endpoint> below) const = 0;
-};
-
-class by_certificate final : public proof {
-public:
-    explicit by_certificate(std::shared_ptr<identity> with) : with_(std::move(with)) {}
-
-    result<std::shared_ptr<ssl_ctx_st>> context(environment& env) const override { return with_->context(env); }
-    bool prepare(SSL* tls, environment& env, const std::string& host,
-                 int (*verify)(int, X509_STORE_CTX*)) const override;
-    failure noted() const override { return failure_noted(); }
-    std::string_view what_began() const override { return "TLS"; }
-    std::optional<endpoint> local(std::optional<endpoint> below) const override {
-        if (below) below->kind = protocol::tls;
-        return below;
-    }
-
-private:
-    std::shared_ptr<identity> with_;
-};
-
-bool by_certificate::prepare(SSL* tls, environment& env, const std::string& host,
-                             int (*verify)(int, X509_STORE_CTX*)) const {
-    SSL_set_verify(tls, SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, verify);
-    auto* rules = SSL_get0_param(tls);
-    X509_VERIFY_PARAM_set_time(rules, std::chrono::system_clock::to_time_t(env.wall()));
-    if (host.empty()) return true;
-    if (X509_VERIFY_PARAM_set1_ip_asc(rules, host.c_str()) == 1) return true;
-    ERR_clear_error();
-    X509_VERIFY_PARAM_set_hostflags(rules, X509_CHECK_FLAG_NEVER_CHECK_SUBJECT | X509_CHECK_FLAG_NO_PARTIAL_WILDCARDS);
-    return X509_VERIFY_PARAM_set1_host(rules, host.data(), host.size()) == 1 &&
-           SSL_set_tlsext_host_name(tls, host.c_str()) == 1;
-}
-
-class by_key final : public proof {
-public:
-    explicit by_key(std::shared_ptr<const shared_key> with) : with_(std::move(with)) {}
-
-    result<std::shared_ptr<ssl_ctx_st>> context(environment&) const override { return with_->sealing(); }
-    bool prepare(SSL*, environment&, const std::string&, int (*)(int, X509_STORE_CTX*)) const override { return true; }
-    std::optional<failure> missing(SSL* tls) const override;
-    failure noted() const override { return psk_failure_noted(); }
-    std::optional<failure> stranger(bytes_view begin) const override;
-    std::size_t begin_bytes() const override { return 5; } // up to the type of a frame
-    std::string_view what_began() const override { return "the sealed session"; }
-    std::optional<endpoint> local(std::optional<endpoint> below) const override { return below; }
-
-private:
-    std::shared_ptr<const shared_key> with_;
-};
-
-// OpenSSL could go on without the key where a peer shows a certificate; there is none that is believed here.
-std::optional<failure> by_key::missing(SSL* tls) const {
-    if (SSL_session_reused(tls) == 1) return std::nullopt;
-    return failure(errc::unauthorized, "it did not prove that it knows the shared key of this side");
-}
-
-std::optional<failure> by_key::stranger(bytes_view begin) const {
+// Whether a side that was called is told in frames why not, who begins so; nothing: that is OpenSSL's to say.
+std::optional<failure> stranger_to(const proof& with, bytes_view begin) {
     if (asks_for_tls(begin).value_or(true)) return std::nullopt;
-    bool hello = begin.size() >= begin_bytes() && begin[2] == std::byte{0} && begin[3] == std::byte{0} &&
+    bool hello = begin.size() >= sealed_begin && begin[2] == std::byte{0} && begin[3] == std::byte{0} &&
                  begin[4] == static_cast<std::byte>(wire::frame_type::hello);
     if (!hello) return failure(errc::protocol_error, "it does not seal the session, nor is it a peer of ISE");
-    auto text = std::string_view(reinterpret_cast<const char*>(begin.data()), begin.size());
-    return failure(errc::unauthorized, std::string(why_no_session(text)));
+    return with.stranger(std::string_view(reinterpret_cast<const char*>(begin.data()), begin.size()));
 }
 
 class tls_stream : public stream, public verified_stream {
 public:
     /// `host`: the one that is called; empty: this side was called.
-    tls_stream(loop& on, std::unique_ptr<stream> below, std::unique_ptr<proof> with, std::string host, std::string peer)
-        : on_(on), below_(std::move(below)), with_(std::move(with)), host_(std::move(host)), peer_(std::move(peer)) {}
+    tls_stream(std::unique_ptr<stream> below, std::unique_ptr<proof> with, std::string host, std::string peer)
+        : below_(std::move(below)), with_(std::move(with)), peer_(std::move(peer)) {
+        shown_.host = std::move(host);
+    }
 
     /// Shakes hands, once.
     task<std::error_code> shake_hands();
@@ -154,9 +80,9 @@ public:
         if (auto* below = dynamic_cast<const verified_stream*>(below_.get())) below->add_verified(to);
         std::lock_guard lock(mutex_);
         if (!greeted_) return;
-        to.certificate = shown_.identity;
-        to.serial = shown_.serial;
-        to.chain = shown_.chain;
+        to.certificate = shown_.about.identity;
+        to.serial = shown_.about.serial;
+        to.chain = shown_.about.chain;
     }
     std::string_view what_began() const { return with_->what_began(); }
     std::optional<endpoint> local() const override { return with_->local(below_->local()); }
@@ -166,7 +92,6 @@ public:
     }
 
 private:
-    static int on_certificate(int good, X509_STORE_CTX* check);
     std::error_code prepare();
     std::error_code step(bool& done);
     task<std::error_code> begin(std::vector<std::byte>& room);
@@ -176,15 +101,14 @@ private:
     void feed(const void* data, std::size_t size) { BIO_write(SSL_get_rbio(tls_.get()), data, static_cast<int>(size)); }
     std::error_code flush();
 
-    loop& on_;
     std::unique_ptr<stream> below_;
     std::unique_ptr<proof> with_; // outlives tls_
-    std::string host_;            // that is called; empty: this side was called
     std::string peer_;
     bool greeted_ = false;
 
     // A sign of life is written from another thread.
     mutable std::mutex mutex_;
+    shown_certificate shown_; // outlives tls_
     std::unique_ptr<SSL, decltype(&SSL_free)> tls_{nullptr, SSL_free};
     std::vector<std::byte> unsent_; // encrypted
     std::size_t sent_ = 0;
@@ -193,32 +117,10 @@ private:
     bool owed_ = false;
     std::error_code broken_;
     std::optional<failure> verdict_;
-    subject shown_; // whom the peer's certificate is about
 };
 
-int tls_stream::on_certificate(int good, X509_STORE_CTX* check) {
-    auto* tls = static_cast<SSL*>(X509_STORE_CTX_get_ex_data(check, SSL_get_ex_data_X509_STORE_CTX_idx()));
-    auto* self = static_cast<tls_stream*>(SSL_get_app_data(tls));
-    if (good) {
-        auto* about = X509_STORE_CTX_get_current_cert(check);
-        if (!about || X509_STORE_CTX_get_error_depth(check) != 0) return 1;
-        auto whom = subject_of(*about);
-        if (whom) {
-            self->shown_ = std::move(*whom);
-            self->shown_.chain = chain_of(*check);
-            return 1;
-        }
-        self->verdict_ = whom.error();
-        X509_STORE_CTX_set_error(check, X509_V_ERR_APPLICATION_VERIFICATION);
-        return 0;
-    }
-    // Within step(), which holds the mutex.
-    self->verdict_.emplace(errc::unauthorized, objection(*check, self->host_));
-    return 0;
-}
-
 std::error_code tls_stream::prepare() {
-    auto context = with_->context(on_.env());
+    auto context = with_->context();
     std::lock_guard lock(mutex_);
     if (!context) {
         verdict_ = context.error();
@@ -231,10 +133,9 @@ std::error_code tls_stream::prepare() {
     BIO_set_mem_eof_return(in, -1); // nothing there yet is not the end
     BIO_set_mem_eof_return(out, -1);
     SSL_set_bio(tls_.get(), in, out);
-    SSL_set_app_data(tls_.get(), this);
-    if (host_.empty()) SSL_set_accept_state(tls_.get());
+    if (shown_.host.empty()) SSL_set_accept_state(tls_.get());
     else SSL_set_connect_state(tls_.get());
-    if (with_->prepare(tls_.get(), on_.env(), host_, on_certificate)) return {};
+    if (with_->prepare(tls_.get(), shown_)) return {};
     verdict_ = with_->noted();
     return broken_ = made(trouble::broken);
 }
@@ -242,7 +143,7 @@ std::error_code tls_stream::prepare() {
 // OpenSSL has failed. With the mutex.
 std::error_code tls_stream::fail() {
     auto noted = with_->noted();
-    if (!verdict_) verdict_ = std::move(noted);
+    if (!verdict_) verdict_ = shown_.objection ? *shown_.objection : std::move(noted);
     return broken_ = made(trouble::broken);
 }
 
@@ -259,13 +160,13 @@ std::error_code tls_stream::step(bool& done) {
 // Of the side that was called: looks at what comes first, which may be no TLS.
 task<std::error_code> tls_stream::begin(std::vector<std::byte>& room) {
     std::size_t come = 0;
-    while (come < with_->begin_bytes()) {
+    while (with_->answers_strangers() && come < sealed_begin) {
         auto moved = co_await below_->read_some(asio::buffer(room.data() + come, room.size() - come));
         if (moved.problem) co_return moved.problem;
         come += moved.bytes;
     }
     if (come == 0) co_return std::error_code();
-    auto why = with_->stranger(bytes_view(room.data(), come));
+    auto why = stranger_to(*with_, bytes_view(room.data(), come));
     if (why) {
         co_await turn_away(*why);
         co_return broken_;
@@ -296,7 +197,7 @@ task<void> tls_stream::turn_away(const failure& why) {
 task<std::error_code> tls_stream::shake_hands() {
     if (auto problem = prepare()) co_return problem;
     std::vector<std::byte> room(4096);
-    if (host_.empty()) {
+    if (shown_.host.empty()) {
         auto problem = co_await begin(room);
         if (problem) co_return problem;
     }
@@ -447,15 +348,14 @@ std::unique_ptr<tls_stream> make(loop& on, std::unique_ptr<stream> below, std::s
     auto peer = below->peer();
     auto rest = peer.find("://");
     peer = "tls" + (rest == peer.npos ? "://" + peer : peer.substr(rest));
-    return std::make_unique<tls_stream>(on, std::move(below), std::make_unique<by_certificate>(std::move(with)),
-                                        std::move(host), std::move(peer));
+    return std::make_unique<tls_stream>(std::move(below), by_certificate(std::move(with), on.env()), std::move(host),
+                                        std::move(peer));
 }
 
-std::unique_ptr<tls_stream> make(loop& on, std::unique_ptr<stream> below, std::shared_ptr<const shared_key> with,
+std::unique_ptr<tls_stream> make(loop&, std::unique_ptr<stream> below, std::shared_ptr<const shared_key> with,
                                  std::string host) {
     auto peer = below->peer();
-    return std::make_unique<tls_by_key>(on, std::move(below), std::make_unique<by_key>(std::move(with)),
-                                        std::move(host), std::move(peer));
+    return std::make_unique<tls_by_key>(std::move(below), by_key(std::move(with)), std::move(host), std::move(peer));
 }
 
 task<result<std::unique_ptr<stream>>> shaken(std::unique_ptr<tls_stream> secured, endpoint to) {

@@ -68,12 +68,17 @@ void association::begin() {
 
 // The side that calls asks again until it is answered; the other one answers.
 void association::send_flight() {
-    auto said = seal_->flight();
-    if (said.empty()) return;
-    buffer out(wire::datagram_bytes);
-    wire::put_datagram(out, wire::sealed::flight, channel_.peer_id(), said);
-    port_->send(peer_, out.view());
-    if (!calls_) return;
+    // Nobody answers the refusal of the side that calls, and it is gone then.
+    constexpr int refusals = 3;
+    const int times = calls_ && seal_->trouble() ? refusals : 1;
+    for (int time = 0; time < times; ++time) {
+        for (const auto& part : seal_->flight()) {
+            buffer out(wire::datagram_bytes);
+            wire::put_datagram(out, wire::sealed::flight, channel_.peer_id(), part);
+            port_->send(peer_, out.view());
+        }
+    }
+    if (!calls_ || seal_->flight().empty()) return;
     flight_pause_ = flight_pause_ == duration() ? first_flight_pause : std::min(flight_pause_ * 2, max_flight_pause);
     flight_at_ = on_.now() + flight_pause_;
     rearm();
@@ -82,13 +87,15 @@ void association::send_flight() {
 void association::on_flight(const endpoint& from, bytes_view body) {
     if (from != peer_ || plain_ || gone_) return;
     if (!seal_) { // it is asked for a seal that it does not know: the answer is one flight
-        if (calls_ || heard_ || body.empty() || body[0] != std::byte{1}) return;
+        const bool first = body.size() > 2 && body[0] == std::byte{1} && body[1] == std::byte{0};
+        if (calls_ || heard_ || !first) return;
         auto record = tls::record_of(port_->old_scheme() ? tls::refusal::old_scheme : tls::refusal::no_key);
-        bytes said{std::byte{2}};
+        bytes said{std::byte{2}, std::byte{0}, std::byte{1}};
         said.insert(said.end(), record.begin(), record.end());
         buffer out;
         wire::put_datagram(out, wire::sealed::flight, channel_.peer_id(), said);
         port_->send(peer_, out.view());
+        if (std::exchange(refused_, true)) return;
         return fail({errc::unauthorized, std::string(tls::why_no_seal(port_->old_scheme()))});
     }
     const bool was_sealed = seal_->sealed();
@@ -110,7 +117,7 @@ void association::turn_away(bytes_view body) {
     plain_ = true;
     channel_.stay_plain();
     auto text = std::string_view(reinterpret_cast<const char*>(body.data()), body.size());
-    failure why(errc::unauthorized, std::string(tls::why_no_session(text)));
+    auto why = seal_->stranger(text);
     wire::farewell no;
     no.code = static_cast<std::uint8_t>(why.code());
     no.reason = why.message();
@@ -210,7 +217,7 @@ void association::send_probe(const endpoint& to, wire::chunk_type type, std::uin
 }
 
 void association::flush() {
-    if (gone_ || on_.abandoned()) return;
+    if (gone_ || on_.abandoned() || refuses_) return;
     if (!may_send()) return rearm();
     auto now = on_.now();
     auto& out = port_->scratch();
@@ -249,6 +256,7 @@ void association::rearm() {
 
 void association::on_timer() {
     if (gone_) return;
+    if (refuses_) return part(false);
     if (flight_at_ <= on_.now()) send_flight();
     channel_.on_timer(on_.now());
     soon();
@@ -316,12 +324,25 @@ void association::shutdown_write() {
     soon();
 }
 
+// Of the side that was called: a peer that asks again has not heard the refusal.
+bool association::repeats_refusal() const noexcept {
+    if (calls_ || plain_ || gone_ || !verdict_) return false;
+    return seal_ ? !seal_->sealed() && !seal_->flight().empty() : refused_;
+}
+
 void association::leave() {
     if (std::exchange(left_, true)) return;
     auto self = shared_from_this();
     user_.reset();
     readable_.resume();
     writable_.resume();
+    if (!on_.abandoned() && repeats_refusal()) {
+        if (!port_->lets_refuse()) return part(false);
+        refuses_ = true;
+        drain_until_ = saturating_add(on_.now(), refusal_time);
+        timer_.arm(*drain_until_);
+        return;
+    }
     if (gone_ || on_.abandoned() || !may_send()) return part(false);
     channel_.out().end();
     if (!channel_.out().settled() && port_->lets_drain()) {

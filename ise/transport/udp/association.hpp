@@ -21,6 +21,8 @@ public:
     virtual buffer& scratch() noexcept = 0;
     /// Whether a channel may still send what its user has left; until it is forgotten.
     virtual bool lets_drain() noexcept = 0;
+    /// The same for one that has refused its peer and says so again when it is asked again.
+    virtual bool lets_refuse() noexcept = 0;
     virtual void forget(association& gone) = 0;
     /// Without a seal: the key is proved by the old scheme here.
     virtual bool old_scheme() const noexcept = 0;
@@ -35,6 +37,8 @@ class association final : public flushable, public std::enable_shared_from_this<
 public:
     /// How long what was written last is sent again after the user has left.
     static constexpr duration max_drain = std::chrono::seconds(3);
+    /// How long a peer that was refused, and asks again because the refusal was lost, hears it again.
+    static constexpr duration refusal_time = std::chrono::seconds(10);
 
     /// `with` seals it; null: it is plain.
     association(loop& on, std::shared_ptr<association_port> of, std::uint64_t id, std::uint64_t peer_id, endpoint peer,
@@ -46,7 +50,9 @@ public:
     const endpoint& first_peer() const noexcept { return first_peer_; }
     const udp::channel& channel() const noexcept { return channel_; }
     /// Its user has left, and it sends what is left.
-    bool drains() const noexcept { return drain_until_.has_value(); }
+    bool drains() const noexcept { return drain_until_ && !refuses_; }
+    /// Its user has left, and it repeats that there is no session.
+    bool refuses() const noexcept { return refuses_; }
 
     // For the port, which holds it meanwhile.
     /// Of the side that opened it: says the first word.
@@ -66,6 +72,8 @@ public:
     /// Whether it is clear that there is a session, or that there is none.
     bool settled() const noexcept { return !seal_ || seal_->sealed() || verdict_; }
     const std::optional<failure>& verdict() const noexcept { return verdict_; }
+    /// Whom the peer's certificate is about; null: it has shown none.
+    const tls::subject* shown() const noexcept { return seal_ ? seal_->shown() : nullptr; }
     void use(std::weak_ptr<datagram_stream::user> receiver);
     /// Nothing: it is to be waited for.
     std::optional<transfer> read(asio::mutable_buffer into);
@@ -98,6 +106,7 @@ private:
     void take(const endpoint& from, bytes_view body);
     void seal_it(buffer& datagram);
     void send_flight();
+    bool repeats_refusal() const noexcept;
     void fail(const failure& why);
     void turn_away(bytes_view body);
     void on_timer();
@@ -114,8 +123,10 @@ private:
     endpoint peer_; // changed under the port's lock: signs are sent from another thread
     std::unique_ptr<seal> seal_;
     std::optional<failure> verdict_;
-    bool calls_ = false; // this side opened it
-    bool heard_ = false; // data came
+    bool calls_ = false;   // this side opened it
+    bool heard_ = false;   // data came
+    bool refused_ = false; // by an alert, without a seal of this side
+    bool refuses_ = false;
     bool plain_ = false; // though it would be sealed: whoever does not know of that is told
     time_point flight_at_ = time_point::max();
     duration flight_pause_{};

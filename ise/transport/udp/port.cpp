@@ -15,8 +15,8 @@ constexpr duration lookup_pause = std::chrono::milliseconds(20);
 
 } // namespace
 
-port::port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens, std::shared_ptr<const shared_key> key)
-    : on_(on), socket_(std::move(socket)), scratch_(wire::datagram_bytes), key_(std::move(key)), listens_(listens),
+port::port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens, port_security with)
+    : on_(on), socket_(std::move(socket)), scratch_(wire::datagram_bytes), with_(std::move(with)), listens_(listens),
       accepting_(listens), jar_(on.env()), again_(on, [this] {
           auto problem = ask();
           if (!problem || problem == asio::error::would_block) return;
@@ -27,7 +27,8 @@ port::port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens, std:
 port::~port() { close(); }
 
 std::unique_ptr<seal> port::make_seal(bool calls) const {
-    return key_ && key_->seals() ? seal::make(key_, calls) : nullptr;
+    if (with_.tls) return seal::make(with_.tls, on_.env(), calls ? target_.host : std::string());
+    return with_.key && with_.key->seals() ? seal::make(with_.key, calls) : nullptr;
 }
 
 std::uint64_t port::draw_id() {
@@ -145,8 +146,15 @@ bool port::lets_drain() noexcept {
     return true;
 }
 
+bool port::lets_refuse() noexcept {
+    if (!listens_ || closed_ || refusing_ >= max_refusing) return false;
+    ++refusing_;
+    return true;
+}
+
 void port::forget(association& gone) {
     if (all_.contains(gone.id()) && gone.drains()) --draining_;
+    if (all_.contains(gone.id()) && gone.refuses()) --refusing_;
     openings_.erase(std::pair(gone.first_peer(), gone.channel().peer_id()));
     std::erase_if(waiting_, [&](const auto& entry) { return entry.get() == &gone; });
     if (dialled_.get() == &gone) dialled_.reset();

@@ -8,6 +8,12 @@
 
 namespace ise::net::udp {
 
+/// What the channels of a socket are sealed with.
+struct port_security {
+    std::shared_ptr<const shared_key> key; ///< null: none
+    std::shared_ptr<tls::identity> tls;    ///< in the place of the key; null: no certificates
+};
+
 /// One socket and all that is said over it. A listener's serves everybody who comes, a requester's one peer. Whoever
 /// waits for datagrams (the listener's `accept`, the requester's `read_some`) hands them to `take`.
 class port final : public association_port, public std::enable_shared_from_this<port> {
@@ -16,10 +22,10 @@ public:
     static constexpr std::size_t max_waiting = 64;
     /// Channels whose user has left and that still send; others end at once.
     static constexpr std::size_t max_draining = 256;
+    /// Channels that were refused and repeat that; others are forgotten at once.
+    static constexpr std::size_t max_refusing = 64;
 
-    /// `key`: what channels are sealed with, if it seals; null: there is none.
-    port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens,
-         std::shared_ptr<const shared_key> key = nullptr);
+    port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens, port_security with = port_security());
     ~port();
 
     auto receive() { return socket_->receive(); }
@@ -41,8 +47,9 @@ public:
     void close();
     bool closed() const noexcept { return closed_; }
     bool lets_drain() noexcept override;
+    bool lets_refuse() noexcept override;
     void forget(association& gone) override;
-    bool old_scheme() const noexcept override { return key_ != nullptr; }
+    bool old_scheme() const noexcept override { return with_.key != nullptr; }
 
     /// Opens a channel to `to`, asking again with growing pauses; `opened()` has it once the peer has answered.
     std::error_code dial(const endpoint& to);
@@ -64,14 +71,14 @@ private:
     std::unique_ptr<datagram_socket> socket_;
     std::mutex mutex_;
     buffer scratch_;
-    std::shared_ptr<const shared_key> key_;
+    port_security with_;
     bool listens_;
     bool accepting_;
     bool closed_ = false;
     std::map<std::uint64_t, std::shared_ptr<association>> all_;                           // by our id
     std::map<std::pair<endpoint, std::uint64_t>, std::shared_ptr<association>> openings_; // by what opened them
     std::deque<std::shared_ptr<association>> waiting_;
-    std::size_t draining_ = 0;
+    std::size_t draining_ = 0, refusing_ = 0;
     cookie_jar jar_;
 
     // Dialling.

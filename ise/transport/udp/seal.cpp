@@ -1,6 +1,7 @@
 #include <ise/transport/udp/seal.hpp>
 
 #include <ise/transport/shared_key.hpp>
+#include <ise/transport/tls/proof.hpp>
 #include <ise/transport/tls/psk.hpp>
 #include <ise/wire/frame.hpp>
 #include <ise/wire/sealed_datagram.hpp>
@@ -11,11 +12,13 @@
 #include <openssl/hmac.h>
 #include <openssl/ssl.h>
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 #include <new>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace ise::net::udp {
 namespace {
@@ -23,7 +26,8 @@ namespace {
 using bytes_32 = std::array<std::uint8_t, 32>;
 using nonce = std::array<std::uint8_t, 12>;
 
-constexpr std::size_t max_flight = wire::datagram_bytes - wire::frame_header::size - 1;
+constexpr std::size_t flight_head = 3; // of its body: the number of the flight, the part, the parts
+constexpr std::size_t part_bytes = wire::datagram_bytes - wire::frame_header::size - flight_head;
 constexpr std::string_view exporter_label = "EXPORTER-ISE1-datagrams";
 
 template <auto Free>
@@ -147,35 +151,43 @@ private:
     unsigned generation_ = 0;
 };
 
-class psk_seal final : public seal {
+class tls_seal final : public seal {
 public:
-    psk_seal(std::shared_ptr<const shared_key> with, bool calls, key_life life)
+    tls_seal(std::unique_ptr<tls::proof> with, bool calls, std::string host, key_life life)
         : with_(std::move(with)), calls_(calls), life_(life), expected_(calls ? 2 : 1) {
+        shown_.host = std::move(host);
         if (!calls) return; // others are given memory when they have said something
-        begin();
-        go_on(0);
+        if (begin()) go_on(0);
     }
 
     bool take_flight(bytes_view body) override;
-    bytes_view flight() const noexcept override { return flight_; }
+    std::span<const bytes> flight() const noexcept override { return flight_; }
     bool begun() const noexcept override { return taken_ != 0; }
     bool sealed() const noexcept override { return out_.has_value(); }
     const std::optional<failure>& trouble() const noexcept override { return trouble_; }
+    const tls::subject* shown() const noexcept override { return sealed() ? &shown_.about : nullptr; }
+    failure stranger(std::string_view begin) const override { return with_->stranger(begin); }
     void close(buffer& datagram, std::uint64_t acked, time_point now) override;
     std::optional<bytes_view> open(bytes_view datagram) override;
     void put_sign(buffer& out, std::uint64_t to) override;
     bool take_sign(bytes_view datagram) override;
 
 private:
-    void begin();
+    bool begin();
     void go_on(std::uint8_t after);
+    void say(std::uint8_t number, bytes_view records);
+    bool collect(std::uint8_t number, std::uint8_t part, std::uint8_t parts, bytes_view records);
+    void hear_refusal();
     void derive();
 
-    std::shared_ptr<const shared_key> with_; // outlives tls_
+    std::unique_ptr<tls::proof> with_; // outlives tls_
+    tls::shown_certificate shown_;     // the same
     bool calls_;
     key_life life_;
-    tls_ptr tls_; // during the handshake
-    bytes flight_;
+    tls_ptr tls_; // during the handshake; of the side that calls, until the other one has shown that it is over there
+    std::vector<bytes> flight_;
+    std::vector<bytes> parts_; // that came of the flight that is expected
+    std::size_t parts_came_ = 0;
     std::uint8_t expected_, taken_ = 0;
     std::optional<failure> trouble_;
 
@@ -188,8 +200,16 @@ private:
     bytes opened_;
 };
 
-void psk_seal::begin() {
-    tls_.reset(SSL_new(with_->sealing().get()));
+// False: there is trouble.
+bool tls_seal::begin() {
+    auto context = with_->context();
+    if (!context) {
+        trouble_ = context.error();
+        auto record = tls::record_of(tls::refusal::unable);
+        if (!calls_) say(2, record);
+        return false;
+    }
+    tls_.reset(SSL_new(context->get()));
     auto* in = BIO_new(BIO_s_mem());
     auto* out = BIO_new(BIO_s_mem());
     if (!tls_ || !in || !out) throw std::bad_alloc();
@@ -198,45 +218,99 @@ void psk_seal::begin() {
     SSL_set_bio(tls_.get(), in, out);
     if (calls_) SSL_set_connect_state(tls_.get());
     else SSL_set_accept_state(tls_.get());
+    SSL_clear_options(tls_.get(), SSL_OP_ENABLE_MIDDLEBOX_COMPAT); // nobody else's port is used
+    if (tls::use_sealing_ciphers(tls_.get()) && with_->prepare(tls_.get(), shown_)) return true;
+    trouble_ = with_->noted();
+    tls_.reset();
+    return false;
+}
+
+// The next flight of this side, cut for datagrams.
+void tls_seal::say(std::uint8_t number, bytes_view records) {
+    auto parts = (records.size() + part_bytes - 1) / part_bytes;
+    if (parts > max_parts) {
+        if (!trouble_)
+            trouble_.emplace(errc::too_large, "the certificates of this side are too long for a handshake over udp");
+        return;
+    }
+    flight_.assign(parts, {});
+    for (std::size_t part = 0; part < parts; ++part) {
+        auto content = records.subspan(part * part_bytes);
+        content = content.first(std::min(content.size(), part_bytes));
+        auto& to = flight_[part];
+        to.reserve(flight_head + content.size());
+        to = {std::byte{number}, static_cast<std::byte>(part), static_cast<std::byte>(parts)};
+        to.insert(to.end(), content.begin(), content.end());
+    }
 }
 
 // The handshake, as far as it goes; the flight that it makes follows the one with this number.
-void psk_seal::go_on(std::uint8_t after) {
+void tls_seal::go_on(std::uint8_t after) {
     ERR_clear_error();
     int went = SSL_do_handshake(tls_.get());
     bool done = went == 1;
-    if (!done && SSL_get_error(tls_.get(), went) != SSL_ERROR_WANT_READ) trouble_ = tls::psk_failure_noted();
-    if (done && SSL_session_reused(tls_.get()) != 1)
-        trouble_.emplace(errc::unauthorized, "it did not prove that it knows the shared key of this side");
+    if (!done && SSL_get_error(tls_.get(), went) != SSL_ERROR_WANT_READ) {
+        auto noted = with_->noted();
+        trouble_ = shown_.objection ? *shown_.objection : std::move(noted);
+    }
+    if (done) trouble_ = with_->missing(tls_.get());
     auto* out = SSL_get_wbio(tls_.get());
-    auto waiting = BIO_ctrl_pending(out);
-    if (waiting > max_flight && !trouble_)
-        trouble_.emplace(errc::protocol_error, "a flight of the handshake is longer than a datagram");
-    if (waiting > 0 && waiting <= max_flight) {
-        flight_.resize(1 + waiting);
-        flight_[0] = static_cast<std::byte>(after + 1);
-        BIO_read(out, flight_.data() + 1, static_cast<int>(waiting));
+    if (auto waiting = BIO_ctrl_pending(out); waiting > 0) {
+        bytes records(waiting);
+        BIO_read(out, records.data(), static_cast<int>(waiting));
+        say(static_cast<std::uint8_t>(after + 1), records);
     }
     if (done && !trouble_) derive();
-    if (done || trouble_) tls_.reset();
+    if (trouble_ || (done && !calls_)) tls_.reset();
 }
 
-bool psk_seal::take_flight(bytes_view body) {
-    if (body.size() < 2) return false;
-    auto number = static_cast<std::uint8_t>(body[0]);
-    // Said again because the answer was lost. Who is called answers no more once it has the last.
-    if (taken_ != 0 && number == taken_) return calls_ || !sealed();
-    if (trouble_ || sealed() || number != expected_) return false;
-    if (!tls_) begin();
+// True: the flight is whole.
+bool tls_seal::collect(std::uint8_t number, std::uint8_t part, std::uint8_t parts, bytes_view records) {
+    if (parts_.empty()) parts_.resize(parts);
+    if (parts_.size() != parts || !parts_[part].empty()) return false;
+    parts_[part].assign(records.begin(), records.end());
+    if (++parts_came_ < parts) return false;
     taken_ = number;
     expected_ = static_cast<std::uint8_t>(number + 2);
-    BIO_write(SSL_get_rbio(tls_.get()), body.data() + 1, static_cast<int>(body.size() - 1));
+    return true;
+}
+
+bool tls_seal::take_flight(bytes_view body) {
+    if (body.size() <= flight_head) return false;
+    auto number = static_cast<std::uint8_t>(body[0]), part = static_cast<std::uint8_t>(body[1]),
+         parts = static_cast<std::uint8_t>(body[2]);
+    if (part >= parts || parts > max_parts) return false;
+    // Said again because the answer was lost. Who is called answers no more once it has the last.
+    if (taken_ != 0 && number == taken_) return part + 1 == parts && (calls_ || !sealed());
+    if (trouble_ || number != expected_ || (sealed() && !tls_)) return false;
+    if (!collect(number, part, parts, body.subspan(flight_head))) return false;
+    auto came = std::exchange(parts_, {});
+    parts_came_ = 0;
+    if (!tls_ && !begin()) return !flight_.empty();
+    for (const auto& one : came) BIO_write(SSL_get_rbio(tls_.get()), one.data(), static_cast<int>(one.size()));
+    if (sealed()) {
+        hear_refusal();
+        return false;
+    }
     auto before = flight_;
     go_on(number);
     return flight_ != before;
 }
 
-void psk_seal::derive() {
+// Of the side that calls, which has shown its certificate: by the keys of the other side TLS proves that an alert is
+// its own. Anything else is nobody's, or says nothing.
+void tls_seal::hear_refusal() {
+    ERR_clear_error();
+    std::byte nothing{};
+    std::size_t count = 0;
+    int went = SSL_read_ex(tls_.get(), &nothing, 1, &count);
+    if (SSL_get_error(tls_.get(), went) == SSL_ERROR_WANT_READ) return;
+    if (ERR_GET_REASON(ERR_peek_error()) >= SSL_AD_REASON_OFFSET) trouble_ = with_->noted();
+    ERR_clear_error();
+    tls_.reset();
+}
+
+void tls_seal::derive() {
     std::array<std::uint8_t, 64> both{};
     must(SSL_export_keying_material(tls_.get(), both.data(), both.size(), exporter_label.data(), exporter_label.size(),
                                     nullptr, 0, 0) == 1);
@@ -255,7 +329,7 @@ void psk_seal::derive() {
     OPENSSL_cleanse(both.data(), both.size());
 }
 
-void psk_seal::close(buffer& datagram, std::uint64_t acked, time_point now) {
+void tls_seal::close(buffer& datagram, std::uint64_t acked, time_point now) {
     auto number = detail::load_little<std::uint64_t>(datagram.data() + wire::frame_header::size);
     if (!out_from_) out_from_ = now;
     bool old = number - out_since_ >= life_.datagrams || now - *out_from_ >= life_.time;
@@ -275,7 +349,7 @@ void psk_seal::close(buffer& datagram, std::uint64_t acked, time_point now) {
                       at + wire::data_head_bytes);
 }
 
-std::optional<bytes_view> psk_seal::open(bytes_view datagram) {
+std::optional<bytes_view> tls_seal::open(bytes_view datagram) {
     if (datagram.size() < wire::sealed::head_bytes) return {};
     auto number = detail::load_little<std::uint64_t>(datagram.data() + wire::frame_header::size);
     auto head = datagram.first(wire::data_head_bytes);
@@ -293,10 +367,11 @@ std::optional<bytes_view> psk_seal::open(bytes_view datagram) {
         in_->advance();
         in_since_ = number;
     }
+    if (calls_ && tls_) tls_.reset(); // the other side's handshake is over, too
     return bytes_view(opened_);
 }
 
-void psk_seal::put_sign(buffer& out, std::uint64_t to) {
+void tls_seal::put_sign(buffer& out, std::uint64_t to) {
     std::array<std::byte, sizeof(std::uint64_t) + wire::sealed::seal_bytes> body{};
     auto number = ++signs_sent_;
     detail::store_little(body.data(), number);
@@ -306,7 +381,7 @@ void psk_seal::put_sign(buffer& out, std::uint64_t to) {
                      out.data() + start + wire::data_head_bytes);
 }
 
-bool psk_seal::take_sign(bytes_view datagram) {
+bool tls_seal::take_sign(bytes_view datagram) {
     if (datagram.size() != wire::sealed::head_bytes) return false;
     auto number = detail::load_little<std::uint64_t>(datagram.data() + wire::frame_header::size);
     std::byte nothing{};
@@ -320,7 +395,13 @@ bool psk_seal::take_sign(bytes_view datagram) {
 } // namespace
 
 std::unique_ptr<seal> seal::make(std::shared_ptr<const shared_key> with, bool calls, key_life life) {
-    return std::make_unique<psk_seal>(std::move(with), calls, life);
+    return std::make_unique<tls_seal>(tls::by_key(std::move(with)), calls, std::string(), life);
+}
+
+std::unique_ptr<seal> seal::make(std::shared_ptr<tls::identity> with, environment& env, std::string host,
+                                 key_life life) {
+    const bool calls = !host.empty();
+    return std::make_unique<tls_seal>(tls::by_certificate(std::move(with), env), calls, std::move(host), life);
 }
 
 } // namespace ise::net::udp

@@ -1,7 +1,10 @@
+#include <ise/core/verified_peer.hpp>
 #include <ise/transport/datagram_stream.hpp>
 #include <ise/transport/sealed_stream.hpp>
 #include <ise/transport/security.hpp>
 #include <ise/transport/shared_key.hpp>
+#include <ise/transport/tls/subject.hpp>
+#include <ise/transport/udp/certified.hpp>
 #include <ise/transport/udp/port.hpp>
 
 #include <asio/error.hpp>
@@ -9,6 +12,13 @@
 
 namespace ise::net::udp {
 namespace {
+
+endpoint with_kind(endpoint at, protocol kind) {
+    at.kind = kind;
+    return at;
+}
+endpoint below(endpoint at) { return with_kind(std::move(at), protocol::udp); }
+endpoint certified(endpoint at) { return with_kind(std::move(at), transports::udp_tls); }
 
 // The user's end of an association. On the requester's side nobody else waits for datagrams: reading does.
 class stream_end : public datagram_stream {
@@ -77,28 +87,56 @@ public:
     using stream_end::stream_end;
 };
 
-bool seals(const security& with) noexcept { return with.key && with.key->seals(); }
+class certified_end final : public stream_end, public verified_stream {
+public:
+    certified_end(std::shared_ptr<association> over, std::shared_ptr<port> pumped)
+        : stream_end(over, std::move(pumped)), over_(std::move(over)), peer_(certified(over_->peer()).text()) {}
 
-std::unique_ptr<stream> make_end(std::shared_ptr<association> over, std::shared_ptr<port> pumped, bool sealed) {
-    if (sealed) return std::make_unique<sealed_end>(std::move(over), std::move(pumped));
+    std::string peer() const override { return peer_; }
+    void add_verified(verified_peer& to) const override {
+        const auto* whom = over_->shown();
+        if (!whom) return;
+        to.certificate = whom->identity;
+        to.serial = whom->serial;
+        to.chain = whom->chain;
+    }
+
+private:
+    std::shared_ptr<association> over_;
+    std::string peer_;
+};
+
+// By what the channels of a row are sealed.
+port_security credentials_for(const endpoint& at, security with) {
+    port_security made;
+    if (at.kind == transports::udp_tls) made.tls = std::move(with.tls);
+    else made.key = std::move(with.key);
+    return made;
+}
+
+std::unique_ptr<stream> make_end(std::shared_ptr<association> over, std::shared_ptr<port> pumped,
+                                 const port_security& with) {
+    if (with.tls) return std::make_unique<certified_end>(std::move(over), std::move(pumped));
+    if (with.key && with.key->seals()) return std::make_unique<sealed_end>(std::move(over), std::move(pumped));
     return std::make_unique<stream_end>(std::move(over), std::move(pumped));
 }
 
 class udp_listener final : public listener {
 public:
-    udp_listener(std::shared_ptr<port> at, bool sealed) : port_(std::move(at)), sealed_(sealed) {}
+    udp_listener(std::shared_ptr<port> at, port_security with) : port_(std::move(at)), with_(std::move(with)) {}
     ~udp_listener() override { port_->close(); }
 
-    task<std::pair<std::error_code, std::unique_ptr<stream>>> accept() override { return next(port_, sealed_); }
+    task<std::pair<std::error_code, std::unique_ptr<stream>>> accept() override { return next(port_, with_); }
     void close() override { port_->stop_listening(); }
-    endpoint where() const override { return port_->where(); }
+    endpoint where() const override { return with_.tls ? certified(port_->where()) : port_->where(); }
 
 private:
-    static task<std::pair<std::error_code, std::unique_ptr<stream>>> next(std::shared_ptr<port> at, bool sealed) {
+    static task<std::pair<std::error_code, std::unique_ptr<stream>>> next(std::shared_ptr<port> at,
+                                                                          port_security with) {
         std::pair<std::error_code, std::unique_ptr<stream>> outcome;
         for (;;) {
             if (auto opened = at->accepted()) {
-                outcome.second = make_end(std::move(opened), nullptr, sealed);
+                outcome.second = make_end(std::move(opened), nullptr, with);
                 co_return outcome;
             }
             if (at->closed()) {
@@ -116,18 +154,18 @@ private:
     }
 
     std::shared_ptr<port> port_;
-    bool sealed_;
+    port_security with_;
 };
 
 // From a socket of one family of addresses. `problem`: what stood in the way, if the failure has a cause of that kind.
 task<result<std::unique_ptr<stream>>> connect_from(loop& on, endpoint to, std::string any_host,
-                                                   std::error_code& problem, security with) {
+                                                   std::error_code& problem, port_security with) {
     endpoint any;
     any.kind = protocol::udp;
     any.host = std::move(any_host);
     auto opened = on.env().open_datagram(on, any);
     if (!opened) co_return opened.error();
-    auto socket = std::make_shared<port>(on, std::move(*opened), false, with.key);
+    auto socket = std::make_shared<port>(on, std::move(*opened), false, with);
     struct leaving { // an attempt that was given up leaves nothing
         port& of;
         bool done = false;
@@ -139,7 +177,7 @@ task<result<std::unique_ptr<stream>>> connect_from(loop& on, endpoint to, std::s
         problem = why;
         return failure(errc::unreachable, fmt::format("cannot connect to {}: {}", to.text(), why.message()));
     };
-    auto asked = socket->dial(to);
+    auto asked = socket->dial(below(to));
     if (asked && asked != asio::error::would_block) co_return refused(asked);
     while (!socket->opened() || !socket->opened()->settled()) {
         auto came = co_await socket->receive();
@@ -153,12 +191,13 @@ task<result<std::unique_ptr<stream>>> connect_from(loop& on, endpoint to, std::s
     if (auto why = socket->opened()->verdict())
         co_return failure(why->code(), fmt::format("{}: {}", to.text(), why->message()));
     guard.done = true;
-    auto made = make_end(socket->opened(), socket, seals(with));
+    auto made = make_end(socket->opened(), socket, with);
     co_return made;
 }
 
 // A datagram_stream to whoever answers at `to`, asked again and again until then: the caller sets the limit.
-task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to, security with) {
+task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to, security given) {
+    auto with = credentials_for(to, std::move(given));
     const bool literal_6 = to.host.find(':') != std::string::npos;
     const std::string any_6 = "::", first = literal_6 ? any_6 : "0.0.0.0";
     std::error_code problem;
@@ -172,12 +211,31 @@ task<result<std::unique_ptr<stream>>> connect(loop& on, endpoint to, security wi
 
 // After `close()` of the listener, `accept` goes on serving the streams that it gave, and completes when the last of
 // them has gone.
-result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at, security with) {
-    auto opened = on.env().open_datagram(on, at);
+result<std::unique_ptr<listener>> listen(loop& on, const endpoint& at, security given) {
+    auto opened = on.env().open_datagram(on, below(at));
     if (!opened) return opened.error();
-    const bool sealed = seals(with);
-    auto made = std::make_shared<port>(on, std::move(*opened), true, std::move(with.key));
-    return std::unique_ptr<listener>(std::make_unique<udp_listener>(std::move(made), sealed));
+    auto with = credentials_for(at, std::move(given));
+    auto made = std::make_shared<port>(on, std::move(*opened), true, with);
+    return std::unique_ptr<listener>(std::make_unique<udp_listener>(std::move(made), std::move(with)));
+}
+
+failure no_identity(const endpoint& at) {
+    return {errc::invalid_argument, fmt::format("{} takes a certificate of this side: give the folder with ca.pem, "
+                                                "certificate.pem and key.pem with --tls FOLDER or ISE_TLS",
+                                                at.text())};
+}
+
+// Checks that the certificate shown is valid and for `to.host`. That the other side refuses the certificate of this one
+// is known at the first read only.
+task<result<std::unique_ptr<stream>>> connect_certified(loop& on, endpoint to, security with) {
+    if (!with.tls) co_return no_identity(to);
+    auto made = co_await connect(on, std::move(to), std::move(with));
+    co_return made;
+}
+
+result<std::unique_ptr<listener>> listen_certified(loop& on, const endpoint& at, security with) {
+    if (!with.tls) return no_identity(at);
+    return listen(on, at, std::move(with));
 }
 
 } // namespace
@@ -193,6 +251,18 @@ constinit const transport transports::udp{
     .needs_descriptors = false,
     .connect = net::udp::connect,
     .listen = net::udp::listen,
+};
+
+constinit const transport transports::udp_tls{
+    .scheme = "udp+tls",
+    .example = "udp+tls://boat.local:7400",
+    .rank = 100,
+    .lossy = true,
+    .encrypted = true,
+    .needs_certificates = true,
+    .needs_descriptors = false,
+    .connect = net::udp::connect_certified,
+    .listen = net::udp::listen_certified,
 };
 
 } // namespace ise

@@ -237,7 +237,7 @@ TEST_CASE("endpoints are loopback unless the rules say otherwise") {
     CHECK(with({"tcp://0.0.0.0:0"}, open) == "it was allowed");
     auto asked = request();
     asked.protocol = "carrier pigeon";
-    CHECK_THAT(refusal(asked), Contains("one of tcp, udp, tls, local"));
+    CHECK_THAT(refusal(asked), Contains("one of tcp, udp, tls, udp+tls, local"));
 }
 
 TEST_CASE("tls listens on an address that others know the host by, where one is allowed") {

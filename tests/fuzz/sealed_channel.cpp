@@ -1,0 +1,126 @@
+// The two ends of a sealed channel, each of which gets flights, sealed datagrams and signs that are changed as the
+// input says: whatever comes, nothing counts that the other end has not made, and true datagrams are taken as before.
+#include <ise/core/buffer.hpp>
+#include <ise/transport/shared_key.hpp>
+#include <ise/transport/udp/seal.hpp>
+#include <ise/wire/datagram.hpp>
+#include <ise/wire/frame.hpp>
+#include <ise/wire/sealed_datagram.hpp>
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <string>
+#include <vector>
+
+using ise::net::udp::key_life;
+using ise::net::udp::seal;
+
+namespace {
+
+void must(bool holds, const char* what) {
+    if (holds) return;
+    std::fprintf(stderr, "sealed_channel: %s\n", what);
+    std::abort();
+}
+
+/// Takes the input a few bytes at a time; zeros at its end.
+struct tape {
+    ise::bytes_view left;
+    std::uint8_t next() {
+        if (left.empty()) return 0;
+        auto value = static_cast<std::uint8_t>(left[0]);
+        left = left.subspan(1);
+        return value;
+    }
+    ise::bytes_view raw(std::size_t count) {
+        auto taken = left.first(std::min(count, left.size()));
+        left = left.subspan(taken.size());
+        return taken;
+    }
+};
+
+// Another text of the same kind.
+ise::bytes changed(tape& by, ise::bytes from, std::size_t begin) {
+    switch (by.next() % 4) {
+        case 0: {
+            auto content = by.raw(by.next());
+            from.resize(std::min(from.size(), begin));
+            from.insert(from.end(), content.begin(), content.end());
+            break;
+        }
+        case 1:
+            if (from.size() > begin)
+                from[begin + (by.next() * 256u + by.next()) % (from.size() - begin)] ^= std::byte{by.next()};
+            break;
+        case 2: from.resize(begin + (from.size() - begin) * by.next() / 256); break;
+        default: from.push_back(std::byte{by.next()});
+    }
+    return from;
+}
+
+std::vector<ise::bytes> flight_of(const seal& of) { return {of.flight().begin(), of.flight().end()}; }
+
+ise::bytes made_by(seal& by, std::uint64_t number) {
+    ise::buffer out;
+    ise::wire::data_writer writer(out, 77, number);
+    out.grow(ise::wire::sealed::seal_bytes);
+    writer.put(ise::wire::chunk_type::probe, number);
+    writer.finish();
+    by.close(out, number, ise::time_point{});
+    return out.to_bytes();
+}
+
+// As a port does before.
+bool opens(seal& by, ise::bytes datagram) {
+    if (datagram.size() < ise::wire::frame_header::size) return false;
+    ise::detail::store_little(datagram.data(),
+                              static_cast<std::uint32_t>(datagram.size() - ise::wire::frame_header::size));
+    auto view = ise::wire::read_datagram(datagram);
+    return view && view->type == ise::wire::sealed::data && by.open(datagram).has_value();
+}
+
+} // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+    if (size < 2 || size > 4096) return 0;
+    tape input{ise::bytes_view(reinterpret_cast<const std::byte*>(data), size)};
+    static const auto key = ise::shared_key::make(std::string(64, 'k'), "a test").value();
+    key_life life;
+    life.datagrams = 4;
+    { // Changed flights, to each end: it may end the handshake, but makes no session.
+        auto caller = seal::make(key, true), called = seal::make(key, false);
+        for (int at = input.next() % 8; at > 0; --at) {
+            auto flight = flight_of(*caller);
+            auto bad = changed(input, flight.empty() ? ise::bytes(3) : flight.front(), 0);
+            if (!flight.empty() && bad == flight.front()) continue;
+            if (called->take_flight(bad))
+                for (const auto& part : flight_of(*called)) caller->take_flight(changed(input, part, 3));
+        }
+        must(!called->sealed(), "a session of changed flights");
+    }
+    auto caller = seal::make(key, true, life), called = seal::make(key, false, life);
+    for (const auto& part : flight_of(*caller)) called->take_flight(part);
+    for (const auto& part : flight_of(*called)) caller->take_flight(part);
+    for (const auto& part : flight_of(*caller)) called->take_flight(part);
+    must(caller->sealed() && called->sealed(), "no session of true flights");
+    std::uint64_t number = 0;
+    while (!input.left.empty() && number < 200) {
+        auto good = made_by(*caller, number);
+        auto bad = changed(input, good, input.next() % 2 == 0 ? 4 : ise::wire::data_head_bytes);
+        auto back = bad;
+        ise::detail::store_little(back.data(), ise::detail::load_little<std::uint32_t>(good.data()));
+        if (back != good) must(!opens(*called, bad), "a changed datagram was opened");
+        caller->take_flight(bad); // an alert that nobody made
+        must(!caller->trouble(), "an invented alert was believed");
+        ise::buffer sign;
+        caller->put_sign(sign, 77);
+        auto odd = changed(input, sign.to_bytes(), ise::wire::frame_header::size);
+        if (odd != sign.to_bytes()) must(!called->take_sign(odd), "a changed sign was taken");
+        must(opens(*called, good), "a true datagram was not opened");
+        must(called->take_sign(sign.view()), "a true sign was not taken");
+        ++number;
+    }
+    return 0;
+}
