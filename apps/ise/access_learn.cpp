@@ -67,11 +67,11 @@ task<> learn_access(context& in, learn_options options) {
         over = true;
         pause.resume();
     };
-    in.ctrl_c.care(in.self.on(), finish);
     timer end(in.self.on(), finish);
     timer next(in.self.on(), [&pause] { pause.resume(); });
     const auto began = in.self.now();
     co_await look_once(in, seen); // what is wrong from the start is an error
+    in.ctrl_c.care(in.self.on(), finish);
     note(in.set, fmt::format("watching {} component{}{}; Ctrl-C ends it and writes the policy", seen.components(),
                              seen.components() == 1 ? "" : "s",
                              options.length ? " for " + show_duration(*options.length) : std::string()));

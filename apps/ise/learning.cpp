@@ -14,8 +14,6 @@
 namespace ise::cli {
 namespace {
 
-using access::action;
-
 constexpr std::size_t max_sources = 4; // named in a comment
 constexpr std::size_t max_pattern = access::pattern::max_bytes - 12;
 
@@ -42,7 +40,7 @@ bool fits_identity(const std::string& who) {
 }
 
 bool fits_rule(const learned& one) {
-    bool named = one.what == action::call || one.what == action::subscribe;
+    bool named = one.what == access::action::call || one.what == access::action::subscribe;
     return fits_identity(one.who) && fits_pattern(one.path) &&
            (!named || (fits_pattern(one.item) && one.item.find(':') == std::string::npos));
 }
@@ -82,13 +80,14 @@ std::vector<std::vector<std::string>> parts_of(const std::set<std::string>& all,
     return made;
 }
 
-struct entry {
+struct policy_entry {
     std::string text, source;
-    auto operator<=>(const entry&) const = default;
+    auto operator<=>(const policy_entry&) const = default;
 };
 
 // Paths of one folder that are used alike are one pattern, and so are the services of one component.
-std::vector<entry> merged(const std::map<std::string, std::map<std::string, std::set<std::string>>>& items_by_path) {
+std::vector<policy_entry> merged_patterns(
+    const std::map<std::string, std::map<std::string, std::set<std::string>>>& items_by_path) {
     struct alike {
         std::set<std::string> leaves, sources;
     };
@@ -101,7 +100,7 @@ std::vector<entry> merged(const std::map<std::string, std::map<std::string, std:
         into.leaves.insert(slash == path.npos ? path : path.substr(slash + 1));
         for (const auto& [item, sources] : items) into.sources.insert(sources.begin(), sources.end());
     }
-    std::vector<entry> made;
+    std::vector<policy_entry> made;
     for (const auto& [of, group] : groups)
         for (const auto& leaves : parts_of(group.leaves, of.first.size()))
             for (const auto& items : parts_of(of.second, 0)) {
@@ -113,24 +112,28 @@ std::vector<entry> merged(const std::map<std::string, std::map<std::string, std:
     return made;
 }
 
-std::string list_text(std::string_view key, const std::vector<entry>& all) {
+std::string list_text(std::string_view key, const std::vector<policy_entry>& all) {
     if (all.empty()) return {};
     auto text = fmt::format("{} = [\n", key);
     for (const auto& one : all) text += fmt::format("    {}, # {}\n", one.text, one.source);
     return text + "]\n";
 }
 
-std::vector<entry> quoted(std::vector<entry> all) {
+std::vector<policy_entry> as_patterns(std::vector<policy_entry> all) {
     for (auto& one : all) one.text = fmt::format("\"{}\"", one.text);
     return all;
 }
 
-using needs = std::map<learned, std::set<std::string>>;
+using needed_uses = std::map<learned, std::set<std::string>>;
 
-std::string rule_text(const std::string& who, const needs& of) {
-    auto text = fmt::format("\n[[allow]]\nwho = \"{}\"\n", access::shown(who));
-    for (auto what : {action::name, action::role, action::call, action::subscribe, action::read}) {
-        if (what == action::role) {
+std::string rule_text(const std::string& who, const needed_uses& of) {
+    std::string text = "\n";
+    if (who.empty())
+        text += "# Whoever has no credentials: these sessions had none. docs/security.md has how to give them some.\n";
+    text += fmt::format("[[allow]]\nwho = \"{}\"\n", access::shown(who));
+    for (auto what : {access::action::name, access::action::role, access::action::call, access::action::subscribe,
+                      access::action::read}) {
+        if (what == access::action::role) {
             std::map<std::string, std::pair<std::int32_t, std::set<std::string>>> roles;
             for (const auto& [one, sources] : of) {
                 if (one.what != what) continue;
@@ -138,7 +141,7 @@ std::string rule_text(const std::string& who, const needs& of) {
                 into.first = std::max(into.first, one.priority);
                 into.second.insert(sources.begin(), sources.end());
             }
-            std::vector<entry> lines;
+            std::vector<policy_entry> lines;
             for (const auto& [role, grant] : roles)
                 lines.push_back(
                     {fmt::format("{{ role = \"{}\", max-priority = {} }}", role, grant.first), list_of(grant.second)});
@@ -148,7 +151,7 @@ std::string rule_text(const std::string& who, const needs& of) {
         std::map<std::string, std::map<std::string, std::set<std::string>>> items_by_path;
         for (const auto& [one, sources] : of)
             if (one.what == what) items_by_path[one.path][one.item].insert(sources.begin(), sources.end());
-        text += list_text(access::name_of(what), quoted(merged(items_by_path)));
+        text += list_text(access::name_of(what), as_patterns(merged_patterns(items_by_path)));
     }
     return text;
 }
@@ -245,16 +248,17 @@ learned_outcome learning::outcome() const {
     };
     for (const auto& [path, one] : all_) {
         for (const auto& [who, by] : one.identities)
-            for (const auto& observer : by) add({who, action::name, path, {}, 0}, "seen by " + observer);
+            for (const auto& observer : by) add({who, access::action::name, path, {}, 0}, "seen by " + observer);
         if (path == naming::server_path && one.identities.empty())
             if (auto seen = as_seen_here_.find(path); seen != as_seen_here_.end())
-                for (const auto& who : seen->second) add({who, action::name, path, {}, 0}, "seen by this command");
+                for (const auto& who : seen->second)
+                    add({who, access::action::name, path, {}, 0}, "seen by this command");
         if (!one.registered) continue;
         auto registrars = registrars_of(path);
         for (const auto& who : registrars) {
-            add({who, action::name, path, {}, 0}, "registered");
+            add({who, access::action::name, path, {}, 0}, "registered");
             for (const auto& [role, priority] : one.roles)
-                add({who, action::role, role, {}, priority}, "served by " + path);
+                add({who, access::action::role, role, {}, priority}, "served by " + path);
         }
         if (registrars.empty())
             unknown.insert(fmt::format("which identity registers {}{}", printable(path),
@@ -288,16 +292,16 @@ learned_outcome learning::outcome() const {
         const std::string target[] = {provider};
         auto wanted = access::request_for(subscribed, target, service);
         for (const auto& who : as) switch (wanted.what) {
-                case action::call:
-                case action::subscribe: add({who, wanted.what, provider, service, 0}, "by " + user); break;
-                case action::read: add({who, action::read, provider, {}, 0}, "by " + user); break;
-                case action::set:
-                case action::start:
-                case action::stop:
+                case access::action::call:
+                case access::action::subscribe: add({who, wanted.what, provider, service, 0}, "by " + user); break;
+                case access::action::read: add({who, access::action::read, provider, {}, 0}, "by " + user); break;
+                case access::action::set:
+                case access::action::start:
+                case access::action::stop:
                     unknown.insert(fmt::format("which {} {} ({}) may {} by '{}' of {}",
-                                               wanted.what == action::set ? "parameters" : "components",
+                                               wanted.what == access::action::set ? "parameters" : "components",
                                                access::shown(who), printable(user),
-                                               wanted.what == action::set ? "set" : "start and stop",
+                                               wanted.what == access::action::set ? "set" : "start and stop",
                                                printable(service), printable(provider)));
                     break;
                 default: break; // of the name server, for whoever has a rule
@@ -334,7 +338,7 @@ std::string policy_text(const learned_outcome& of, const learned_head& head) {
         for (const auto& one : of.unknown) text += fmt::format("# - {}\n", printable(one));
     }
     text += "version = 1\n";
-    std::map<std::string, needs> by_identity;
+    std::map<std::string, needed_uses> by_identity;
     for (const auto& [one, sources] : of.needed) by_identity[one.who].emplace(one, sources);
     for (const auto& [who, all] : by_identity) text += rule_text(who, all);
     std::vector<std::string> people;

@@ -45,14 +45,14 @@ public:
     std::size_t components() const noexcept;
 
 private:
-    struct service {
+    struct provided_service {
         std::uint8_t kind = 0;
         bool used = false; // by whomever: called, or subscribed to at a look
     };
     struct seen_component {
         bool registered = false, answered = false;
         std::pair<std::string, std::uint64_t> process; // its host and number
-        std::map<std::string, service> provides;
+        std::map<std::string, provided_service> provides;
         std::map<std::string, std::uint8_t> requires_;
         std::map<std::string, std::int32_t> roles;
         std::map<std::string, std::set<std::string>> identities; // with the components that verified each
