@@ -1,4 +1,5 @@
 // ise access: what an access policy says, and which one components have.
+#include "access_learn.hpp"
 #include "json.hpp"
 #include "options.hpp"
 #include "survey.hpp"
@@ -29,6 +30,7 @@ struct access_options {
     std::vector<std::string> words;
     std::vector<std::string> serves;
     bool live = false;
+    learn_options learn;
 };
 
 struct remark_line {
@@ -332,11 +334,28 @@ void need(const access_options& options, std::size_t count, const char* form) {
 
 void declare_access(CLI::App& app, parsed_command& made) {
     auto given = std::make_shared<access_options>();
-    app.add_option("ACTION", given->act, "check, why or list")->required()->check(one_of({"check", "list", "why"}));
+    app.add_option("ACTION", given->act, "check, why, list or learn")
+        ->required()
+        ->check(one_of({"check", "learn", "list", "why"}));
     app.add_option("WORDS", given->words, "of check: FILE; of why: WHO DO WHAT");
     app.add_flag("--live", given->live, "of check: also whether the components that run have what the rules name");
     add_each(app, "--serves", given->serves, "of why: a role that the component serves", "ROLE");
+    auto& learn = given->learn;
+    add_time(app, "--for", learn.length, "of learn: how long it watches (default: until Ctrl-C)");
+    app.add_option("-o,--out", learn.out, "of learn: the file for the policy (default: standard output)")
+        ->type_name("FILE");
+    app.add_flag("--force", learn.force, "of learn: in place of a file that is there");
     app.callback([&made, given] {
+        if (given->act == "learn") {
+            need(*given, 0, "nothing more");
+            check_learned_file(given->learn);
+            made.endless = true;
+            made.looks = true;
+            made.work = [given](context& in) { return learn_access(in, given->learn); };
+            return;
+        }
+        if (given->learn.length || !given->learn.out.empty() || given->learn.force)
+            throw problem(exit_code::usage, "usage", "--for, --out and --force are of ise access learn");
         if (given->act == "check") {
             need(*given, 1, "a FILE");
             auto policy = policy_in(given->words[0]);
@@ -359,10 +378,11 @@ void declare_access(CLI::App& app, parsed_command& made) {
 } // namespace
 
 extern const command access_command{
-    "access", see_group, "checks an access policy, says why something is allowed, lists who has which",
+    "access", see_group, "checks an access policy, says why something is allowed, learns one from a running system",
     "  ise access check access.toml --live\n"
     "  ise --access access.toml access why ise://atirma/web call atirma/communication:telecommand\n"
-    "  ise access list\n",
+    "  ise access list\n"
+    "  ise access learn --for 10m --out access.toml    what is used meanwhile is allowed, and nothing else\n",
     declare_access};
 
 } // namespace ise::cli
