@@ -2,7 +2,7 @@
 #include "hosting.hpp"
 #include "observer.hpp"
 
-#include <apps/wrapped_help.hpp>
+#include <apps/program_options.hpp>
 #include <components/boat/decoded_telemetry.hpp>
 #include <components/communication_node/store_check.hpp>
 
@@ -32,26 +32,11 @@ struct common_options {
 
 void add_common(CLI::App& to, common_options& options) {
     to.add_option("--name-server", options.name_server, "its endpoint (default: ISE_NAME_SERVER, else this machine)");
-    to.add_option("--key", options.security.key_file,
-                  "a file with the shared key of the system; peers without it are refused (default: ISE_KEY)");
-    to.add_flag_callback(
-        "--key-legacy", [] { ::setenv("ISE_KEY_LEGACY", "1", 1); },
-        "prove the key by the scheme of earlier versions, without encryption (also ISE_KEY_LEGACY=1)");
-    to.add_option("--tls", options.security.tls_folder,
-                  "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: ISE_TLS)");
-    to.add_option("--access", options.security.access_file,
-                  "a file with the access policy (default: ISE_ACCESS, else nothing is refused)");
-    to.add_option("--audit", options.security.audit_file,
-                  "a file that gets a line of JSON for each refusal and each change allowed (default: ISE_AUDIT)");
+    add_credentials(to, options.security);
+    add_audit(to, options.security);
     to.add_flag("--demand-credentials", options.security.demanded,
                 "refuse to listen beyond this host, except with a key or on tls://");
-    static const std::map<std::string, ise::log_level> levels{{"debug", ise::log_level::debug},
-                                                              {"info", ise::log_level::info},
-                                                              {"warning", ise::log_level::warning},
-                                                              {"error", ise::log_level::error}};
-    to.add_option("--log-level", options.level, "debug, info, warning, error")
-        ->transform(CLI::CheckedTransformer(levels, CLI::ignore_case))
-        ->default_str("info");
+    add_log_level(to, options.level);
 }
 
 ise::node_options node_options_of(const common_options& options) {

@@ -1,4 +1,5 @@
 #include "communication_types.hpp"
+#include "foxglove_types.hpp"
 #include "hosting.hpp"
 #include "iridium_types.hpp"
 #include "nmea_types.hpp"
@@ -148,6 +149,7 @@ std::vector<component_type> component_types(std::function<void(const std::string
     for (auto& type : gprs_types(announce)) all.push_back(std::move(type));
     add_iridium_types(all);
     all.push_back(nmea_bridge_type(announce));
+    all.push_back(foxglove_gateway_type(announce));
     all.push_back(web_server_type(std::move(announce)));
     all.push_back(communication_node_type());
     return all;

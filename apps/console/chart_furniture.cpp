@@ -77,8 +77,7 @@ void paint_legend(QPainter& to, const chart_projection& projection, const chart_
         one.age = link.last_heard ? text(age_text(age_s(scene.now, *link.last_heard))) : QObject::tr("not heard");
         auto how = !link.last_heard
                        ? freshness::none
-                       : judge(age_s(scene.now, *link.last_heard),
-                               expected_period_s(value_kind::position, *link.link, scene.seen->boat.settings));
+                       : judge(age_s(scene.now, *link.last_heard), scene.seen->boat.rhythm.position_s(*link.link));
         one.age_ink = t.of(how);
     }
     if (parts.empty()) return;

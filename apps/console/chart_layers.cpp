@@ -94,7 +94,7 @@ void paint_track(QPainter& to, const chart_projection& projection, const chart_s
         auto pixel = projection.to_pixels({track[i].latitude_deg, track[i].longitude_deg});
         if (i > begin) {
             const auto& before = track[i - 1];
-            bool gap = track[i].at - before.at > std::chrono::minutes(10);
+            bool gap = is_outage(before, track[i], scene.seen->boat.rhythm);
             if (gap || before.link != track[i].link || before.history != track[i].history ||
                 shade_of(before) != shade_of(track[i])) {
                 auto last = flush(before, shade_of(before));

@@ -232,8 +232,9 @@ void console_window::export_track(bool gpx) {
     auto path =
         QFileDialog::getSaveFileName(this, tr("Export the track"), name, gpx ? tr("GPX (*.gpx)") : tr("CSV (*.csv)"));
     if (path.isEmpty()) return;
-    auto content = gpx ? track_to_gpx(options_.boat_name.toStdString(), *seen_->track, seen_->mission.points)
-                       : track_to_csv(*seen_->track);
+    auto content =
+        gpx ? track_to_gpx(options_.boat_name.toStdString(), *seen_->track, seen_->mission.points, seen_->boat.rhythm)
+            : track_to_csv(*seen_->track);
     auto trouble = write_file(path, content);
     say(trouble.isEmpty() ? tr("%1 points were written to %2").arg(seen_->track->size()).arg(path) : trouble);
 }

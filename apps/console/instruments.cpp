@@ -27,6 +27,17 @@ QString duration_text(double seconds) {
     return QStringLiteral("%1:%2").arg(s / 60).arg(s % 60, 2, 10, QLatin1Char('0'));
 }
 
+/// The frame of an instrument whose value is `how` fresh, and its rectangle.
+QRectF draw_card(QPainter& to, const QWidget& of, freshness how) {
+    const auto& t = colours();
+    QRectF box = QRectF(of.rect()).adjusted(0.5, 0.5, -0.5, -0.5);
+    to.setRenderHint(QPainter::Antialiasing);
+    to.setPen(QPen(how == freshness::stale ? t.of(how) : t.line, 1));
+    to.setBrush(how == freshness::stale ? t.warn_back : t.card);
+    to.drawRoundedRect(box, 8, 8);
+    return box;
+}
+
 } // namespace
 
 value_tile::value_tile(const QString& label, const QString& tip, QWidget* parent)
@@ -51,12 +62,8 @@ void value_tile::show_value(const QString& value, const QString& unit, freshness
 
 void value_tile::paintEvent(QPaintEvent*) {
     QPainter to(this);
-    to.setRenderHint(QPainter::Antialiasing);
     const auto& t = colours();
-    QRectF box = QRectF(rect()).adjusted(0.5, 0.5, -0.5, -0.5);
-    to.setPen(QPen(how_ == freshness::stale ? t.of(how_) : t.line, 1));
-    to.setBrush(how_ == freshness::stale ? t.warn_back : t.card);
-    to.drawRoundedRect(box, 8, 8);
+    auto box = draw_card(to, *this, how_);
     auto small = font_of(smallest_text, QFont::DemiBold);
     to.setFont(small);
     to.setPen(t.ink3);
@@ -117,12 +124,8 @@ void actuator_gauge::show_values(double commanded, double actual, freshness how,
 
 void actuator_gauge::paintEvent(QPaintEvent*) {
     QPainter to(this);
-    to.setRenderHint(QPainter::Antialiasing);
     const auto& t = colours();
-    QRectF box = QRectF(rect()).adjusted(0.5, 0.5, -0.5, -0.5);
-    to.setPen(QPen(how_ == freshness::stale ? t.of(how_) : t.line, 1));
-    to.setBrush(how_ == freshness::stale ? t.warn_back : t.card);
-    to.drawRoundedRect(box, 8, 8);
+    auto box = draw_card(to, *this, how_);
     to.setFont(font_of(smallest_text, QFont::DemiBold));
     to.setPen(t.ink3);
     to.drawText(QRectF(9, 3, 80, 17), Qt::AlignLeft | Qt::AlignVCenter, label_);

@@ -65,8 +65,7 @@ bool link_card::show_link(const link_view& link, const boat_view& boat, utc_time
                                          : std::string();
     auto how = freshness::none;
     if (link.last_heard)
-        how = judge(age_s(now, *link.last_heard),
-                    expected_period_s(value_kind::position, link.link.value_or(link_id::xbee), boat.settings));
+        how = judge(age_s(now, *link.last_heard), boat.rhythm.position_s(link.link.value_or(link_id::xbee)));
     auto colour = !link.connected || !trouble.empty() ? t.bad : t.of(how);
     auto words = !link.connected           ? tr("not reached: %1").arg(text(trouble))
                  : !trouble.empty()        ? text(trouble)

@@ -1,7 +1,7 @@
 // The operator's console of A-Tirma. The node runs on threads of its own; the windows never wait for it.
 #include "console_window.hpp"
 
-#include <apps/wrapped_help.hpp>
+#include <apps/program_options.hpp>
 #include <components/curl/curl_http_client.hpp>
 #include <components/curl/smtp_sender.hpp>
 #include <components/gui_client/gui_client.hpp>

@@ -1,6 +1,6 @@
 // The instantiation server of a host as a program: starts components, and watches over them.
 // Exit codes: 0 ended by SIGINT or SIGTERM, 1 it cannot run or failed (the reason is on stderr), 2 wrong usage.
-#include <apps/wrapped_help.hpp>
+#include <apps/program_options.hpp>
 #include <ise/component/node.hpp>
 #include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
@@ -31,17 +31,11 @@ struct settings {
     std::string name_server;
     std::vector<std::string> listen, advertise, addresses, hosts, paths;
     ise::security_options security;
-    std::string log_level = "info";
+    ise::log_level log_level = ise::log_level::info;
     std::size_t instances = 64;
     double grace_s = 5;
     bool leave_running = false;
 };
-
-ise::log_level level_of(const std::string& text) {
-    for (auto level : {ise::log_level::debug, ise::log_level::info, ise::log_level::warning, ise::log_level::error})
-        if (text == ise::name_of(level)) return level;
-    return ise::log_level::info; // CLI has checked it
-}
 
 std::string absolute(const std::string& path) {
     if (path.starts_with('/')) return path;
@@ -129,7 +123,7 @@ int run(const settings& wanted) {
     node_options.name = "instantiation_server";
     node_options.name_server = options.name_server;
     node_options.security = std::move(security);
-    node_options.log = ise::log_to_stderr(level_of(wanted.log_level));
+    node_options.log = ise::log_to_stderr(wanted.log_level);
     ise::node node(env, std::move(node_options));
     node.start<ise::instantiation::instantiation_server>(path, std::move(where), host, std::move(options));
     int code = ise::run_until_signal(node, [&] {
@@ -194,25 +188,9 @@ int main(int argc, char** argv) {
         ->capture_default_str();
     app.add_flag("--leave-running", wanted.leave_running,
                  "its components continue when it ends, and the next server takes them over");
-    app.add_option("--key", wanted.security.key_file,
-                   "a file with the shared key of the system; peers without it are refused (default: $ISE_KEY)")
-        ->type_name("FILE");
-    app.add_flag_callback(
-        "--key-legacy", [] { ::setenv("ISE_KEY_LEGACY", "1", 1); },
-        "prove the key by the scheme of earlier versions, without encryption (also ISE_KEY_LEGACY=1)");
-    app.add_option("--tls", wanted.security.tls_folder,
-                   "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")
-        ->type_name("FOLDER");
-    app.add_option("--access", wanted.security.access_file,
-                   "a file with the access policy (default: $ISE_ACCESS, else nothing is refused)")
-        ->type_name("FILE");
-    app.add_option("--audit", wanted.security.audit_file,
-                   "a file that gets a line of JSON for each refusal and each change allowed (default: $ISE_AUDIT)")
-        ->type_name("FILE");
-    app.add_option("--log-level", wanted.log_level,
-                   "minimum level of log lines on stderr: debug, info, warning or error")
-        ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
-        ->capture_default_str();
+    add_credentials(app, wanted.security);
+    add_audit(app, wanted.security);
+    add_log_level(app, wanted.log_level);
     app.set_version_flag("--version", "ise_instantiation_server " ISE_VERSION);
     app.footer(
         "What it starts gets its credentials and its access policy in ISE_KEY, ISE_TLS, ISE_ACCESS and ISE_AUDIT.\n"

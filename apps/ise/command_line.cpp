@@ -3,7 +3,7 @@
 #include "options.hpp"
 #include "text.hpp"
 
-#include <apps/wrapped_help.hpp>
+#include <apps/program_options.hpp>
 
 #include <fmt/format.h>
 
@@ -99,17 +99,7 @@ void add_common_options(CLI::App& app, settings& set) {
     app.add_option("--name-server", set.name_server,
                    "its endpoint (default: $ISE_NAME_SERVER, else tcp://127.0.0.1:7400)")
         ->type_name("ENDPOINT");
-    app.add_option("--key", set.security.key_file, "a file with the shared key of the system (default: $ISE_KEY)")
-        ->type_name("FILE");
-    app.add_flag_callback(
-        "--key-legacy", [] { ::setenv("ISE_KEY_LEGACY", "1", 1); },
-        "prove the key by the scheme of earlier versions, without encryption (also ISE_KEY_LEGACY=1)");
-    app.add_option("--tls", set.security.tls_folder,
-                   "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")
-        ->type_name("FOLDER");
-    app.add_option("--access", set.security.access_file,
-                   "a file with the access policy, by which this command knows impostors (default: $ISE_ACCESS)")
-        ->type_name("FILE");
+    add_credentials(app, set.security);
     app.add_option("--as", set.as,
                    "the path under which this command appears to components, such as an operator's; not checked")
         ->type_name("PATH");

@@ -9,10 +9,12 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -35,6 +37,7 @@ struct keys_options {
     std::string system, identity, folder, authority = "authority";
     std::vector<std::string> hosts, what, into;
     std::optional<std::uint64_t> days;
+    std::optional<duration> every;
     bool boat = false, at_once = false;
 };
 
@@ -165,7 +168,8 @@ bool is_due(const std::string& text, const std::string& from) {
     return due && now() >= *due;
 }
 
-std::string renew(const settings& set, const keys_options& given) {
+// `news`: only of those that are due.
+std::string renew_once(const settings& set, const keys_options& given, bool news) {
     office by(given.authority);
     if (!by.who.list.empty() && (given.at_once || is_due(by.who.list, "revoked.pem"))) {
         by.who.list_again(now());
@@ -183,7 +187,7 @@ std::string renew(const settings& set, const keys_options& given) {
             known = pki::describe(made, file).front();
             done_line line{"renew", file, known.identity, show_wall(*known.until)};
             text += told(set, line, fmt::format("{} is for {} until {}", file, known.identity, *line.until));
-        } else {
+        } else if (!news) {
             done_line line{"nothing", file, known.identity, show_wall(*known.until)};
             text += told(set, line,
                          fmt::format("{} is good until {}, and renewed from {} on", file, *line.until,
@@ -193,6 +197,33 @@ std::string renew(const settings& set, const keys_options& given) {
             replace(trusted, by.who.trusted(), public_mode);
     }
     return text;
+}
+
+void print_now(const std::string& text) {
+    if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)
+        throw problem(exit_code::no_output, "no_output", "standard output cannot be written");
+}
+
+// With --every until a signal ends it, which may be at any time: files are replaced whole.
+std::string renew(const settings& set, const keys_options& given) {
+    if (given.every && given.at_once)
+        throw problem(exit_code::usage, "usage", "--now renews once, --every whenever it is due: give one of them");
+    auto text = renew_once(set, given, false);
+    if (!given.every) return text;
+    for (;;) {
+        print_now(text);
+        std::this_thread::sleep_for(*given.every);
+        text.clear();
+        for (const auto& folder : given.what) { // one that cannot be written now does not keep the others back
+            auto alone = given;
+            alone.what = {folder};
+            try {
+                text += renew_once(set, alone, true);
+            } catch (const problem& why) {
+                report(why, set.json);
+            }
+        }
+    }
 }
 
 std::string revoke(const settings& set, const keys_options& given) {
@@ -344,6 +375,7 @@ void declare_keys(CLI::App& app, parsed_command& made) {
     again->add_option("FOLDER", given->what, "with certificate.pem")->required();
     add_authority(*again, *given);
     again->add_flag("--now", given->at_once, "also if less has passed");
+    add_time(*again, "--every", given->every, "goes on, and looks again after this time (12h)");
 
     auto* no = add_action(app, made, given, "revoke", "adds certificates to the list of revoked ones", revoke);
     no->add_option("WHAT", given->what, "an identity or its name, a certificate, or a folder with one")->required();

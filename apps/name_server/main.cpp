@@ -1,6 +1,6 @@
 // The name server as a program: where the components of a system find each other.
 // Exit codes: 0 ended by SIGINT or SIGTERM, 1 it cannot run (the reason is on stderr), 2 wrong usage.
-#include <apps/wrapped_help.hpp>
+#include <apps/program_options.hpp>
 #include <ise/component/node.hpp>
 #include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
@@ -27,7 +27,7 @@ struct settings {
     std::string state;
     std::string lease = "2s";
     ise::security_options security;
-    std::string log_level = "info";
+    ise::log_level log_level = ise::log_level::info;
     bool fresh = false;
 };
 
@@ -47,12 +47,6 @@ ise::duration duration_of(const std::string& text) {
     if (!(ns >= 50e6 && ns <= 3600e9))
         throw CLI::ValidationError("--lease", fmt::format("'{}' is not from 50ms to 3600s", text));
     return ise::duration(static_cast<std::int64_t>(ns));
-}
-
-ise::log_level level_of(const std::string& text) {
-    for (auto level : {ise::log_level::debug, ise::log_level::info, ise::log_level::warning, ise::log_level::error})
-        if (text == ise::name_of(level)) return level;
-    return ise::log_level::info; // CLI has checked it
 }
 
 // One for each place where a name server of this user listens; empty where nobody says where his files lie.
@@ -104,7 +98,7 @@ int run(const settings& wanted, ise::duration lease) {
     options.name = "name_server";
     options.use_names = false; // it needs nobody to be found
     options.security = wanted.security;
-    options.log = ise::log_to_stderr(level_of(wanted.log_level));
+    options.log = ise::log_to_stderr(wanted.log_level);
     ise::node node(env, std::move(options));
 
     ise::name_server_options terms;
@@ -150,27 +144,11 @@ int main(int argc, char** argv) {
     app.add_option("--lease", wanted.lease,
                    "the longest lease, after which a lost node loses its names, such as 2s or 500ms")
         ->capture_default_str();
-    app.add_option("--key", wanted.security.key_file,
-                   "a file with the shared key of the system; peers without it are refused (default: $ISE_KEY)")
-        ->type_name("FILE");
-    app.add_flag_callback(
-        "--key-legacy", [] { ::setenv("ISE_KEY_LEGACY", "1", 1); },
-        "prove the key by the scheme of earlier versions, without encryption (also ISE_KEY_LEGACY=1)");
-    app.add_option("--tls", wanted.security.tls_folder,
-                   "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")
-        ->type_name("FOLDER");
-    app.add_option("--access", wanted.security.access_file,
-                   "a file with the access policy (default: $ISE_ACCESS, else nothing is refused)")
-        ->type_name("FILE");
-    app.add_option("--audit", wanted.security.audit_file,
-                   "a file that gets a line of JSON for each refusal and each change allowed (default: $ISE_AUDIT)")
-        ->type_name("FILE");
+    add_credentials(app, wanted.security);
+    add_audit(app, wanted.security);
     app.add_flag("--demand-credentials", wanted.security.demanded,
                  "refuse to listen beyond this host, except with a key or on tls://");
-    app.add_option("--log-level", wanted.log_level,
-                   "minimum level of log lines on stderr: debug, info, warning or error")
-        ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
-        ->capture_default_str();
+    add_log_level(app, wanted.log_level);
     app.add_flag("--fresh", wanted.fresh,
                  "no name server ran here before: grant names at once, without waiting one lease for former holders");
     app.set_version_flag("--version", "ise_name_server " ISE_VERSION);

@@ -3,8 +3,8 @@
 #include "report.hpp"
 #include "voyage.hpp"
 
+#include <apps/program_options.hpp>
 #include <apps/progress_line.hpp>
-#include <apps/wrapped_help.hpp>
 #include <components/gui_client/console_state.hpp>
 
 #include <ise/core/complain.hpp>

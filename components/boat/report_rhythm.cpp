@@ -63,4 +63,8 @@ double report_rhythm::position_s(link_id link) const noexcept {
     return count > 0 ? seen : usual_s[place];
 }
 
+double report_rhythm::outage_s(link_id before, link_id after) const noexcept {
+    return std::max({180.0, limits(value_kind::position, before).stale_s, limits(value_kind::position, after).stale_s});
+}
+
 } // namespace atirma

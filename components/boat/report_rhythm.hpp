@@ -40,6 +40,9 @@ public:
     freshness_limits limits(value_kind kind, link_id link) const noexcept {
         return limits_of(period_of(kind, position_s(link)));
     }
+    /// Seconds from which on the silence between a position and the next is an outage on maps and in exported tracks:
+    /// as long as a position takes to become stale over either link, and at least three minutes.
+    double outage_s(link_id before, link_id after) const noexcept;
 
 private:
     static constexpr std::size_t kept = 5; // intervals: their median outlives a gap, and a report on request

@@ -19,8 +19,7 @@ void watch_boat(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
     if (boat.last_heard) {
         double period = 0;
         for (const auto& [path, link] : causes.links)
-            if (link.link && link.last_heard == boat.last_heard)
-                period = expected_period_s(value_kind::position, *link.link, boat.settings);
+            if (link.link && link.last_heard == boat.last_heard) period = boat.rhythm.position_s(*link.link);
         bool silent = age_s(now, *boat.last_heard) > std::max(limits.no_data_s, 5 * period);
         alarms.set("no_data", silent, severity::critical,
                    fmt::format("Nothing heard from the boat since {}", clock_text(*boat.last_heard)), now);
@@ -81,7 +80,7 @@ void watch_links(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
                    fmt::format("{}: {}", name, trouble), now);
         bool silent = false;
         if (link.last_heard && link.link) {
-            double period = expected_period_s(value_kind::position, *link.link, boat.settings);
+            double period = boat.rhythm.position_s(*link.link);
             bool off = boat.settings && static_cast<std::size_t>(*link.link) < link_count &&
                        boat.settings->value.telemetry_period_s[static_cast<std::size_t>(*link.link)] == 0;
             silent = !off && age_s(now, *link.last_heard) > std::max(limits.link_silent_s, 5 * period);

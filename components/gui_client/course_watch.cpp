@@ -1,6 +1,7 @@
 #include <components/gui_client/course_watch.hpp>
 
 #include <components/gui_client/freshness.hpp>
+#include <components/gui_client/leg_check.hpp>
 
 #include <fmt/format.h>
 
@@ -17,7 +18,6 @@ constexpr double makes_good_deg = 60;
 constexpr double over_s = 720; // the alarm is over beyond this, so that it does not come and go at its limit
 constexpr auto settles = std::chrono::seconds(10), clears = std::chrono::seconds(30);
 
-coast_point of(const waypoint& at) { return {at.latitude_deg, at.longitude_deg}; }
 double between_deg(double a, double b) { return std::abs(std::remainder(a - b, 360.0)); }
 
 /// Where the boat goes, as a line from its position, `length_m` long at most.
@@ -44,11 +44,11 @@ std::vector<coast_point> path_ahead(const boat_view& boat, const mission_view& m
     length_m -= leg_m;
     const auto& list = mission.points;
     if (n.mode != sailing_mode::automatic || list.size() < 2 || n.waypoint_index >= list.size()) return path;
-    path.back() = leg_m < to_mark_m ? path.back() : of(list[n.waypoint_index]);
+    path.back() = leg_m < to_mark_m ? path.back() : point_of(list[n.waypoint_index]);
     for (std::size_t i = n.waypoint_index; length_m > 0;) {
         i = (i + 1) % list.size();
-        double next_m = std::max(1.0, flat_distance_m(path.back(), of(list[i])));
-        path.push_back(of(list[i]));
+        double next_m = std::max(1.0, flat_distance_m(path.back(), point_of(list[i])));
+        path.push_back(point_of(list[i]));
         length_m -= next_m;
     }
     return path;

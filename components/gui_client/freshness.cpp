@@ -12,12 +12,6 @@ double age_s(utc_time now, utc_time measured_at) noexcept {
     return std::max(0.0, static_cast<double>((now - measured_at).count()) / 1000);
 }
 
-double expected_period_s(value_kind kind, link_id link, const std::optional<heard<configuration>>& settings) noexcept {
-    report_rhythm told;
-    if (settings) told.on_configuration(settings->value);
-    return period_of(kind, told.position_s(link));
-}
-
 freshness judge(double age, double expected_s) noexcept {
     auto limits = limits_of(expected_s);
     if (age <= limits.fresh_s) return freshness::fresh;

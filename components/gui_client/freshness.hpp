@@ -12,9 +12,6 @@ enum class freshness : std::uint8_t { none, fresh, ageing, stale };
 /// Seconds since it was measured, never negative: if the boat's clock is ahead, the value counts as new.
 double age_s(utc_time now, utc_time measured_at) noexcept;
 
-/// The expected period of a value over a link in seconds, by the periods that the boat reported.
-double expected_period_s(value_kind kind, link_id link, const std::optional<heard<configuration>>& settings) noexcept;
-
 /// By the rule that the tracking page has too (`limits_of`).
 freshness judge(double age_s, double expected_s) noexcept;
 

@@ -12,7 +12,7 @@
 namespace atirma::console {
 namespace {
 using namespace std::chrono_literals;
-constexpr ise::duration settles = 10s, parameter_deadline = 15s;
+constexpr ise::duration settling_time = 10s, parameter_deadline = 15s;
 constexpr auto remembers_alarms = 10min;
 } // namespace
 
@@ -126,7 +126,7 @@ ise::task<> gui_client::run() {
     require(services::communication);
     parts_->start(options_);
     // At first only some of what is there has been heard: no alarm is raised for the rest.
-    for (auto settled = now() + settles;;) {
+    for (auto settled = now() + settling_time;;) {
         if (now() >= settled && parts_->state.on_time(parts_->context.clock())) parts_->context.news();
         parts_->outlets.take(parts_->state.take_alarm_events());
         publish_snapshot();

@@ -12,8 +12,6 @@ namespace {
 constexpr std::size_t max_lines = 4;
 constexpr double heading_ahead_s = 600, heading_at_least_m = 500;
 
-coast_point of(const waypoint& at) { return {at.latitude_deg, at.longitude_deg}; }
-
 /// A place with the name that people know it by.
 struct named_place {
     std::string name;
@@ -31,16 +29,17 @@ public:
     }
     void leg(const std::optional<named_place>& from, const named_place& to) {
         if (!from) return place(to);
-        if (auto why = now_.limits.trouble(of(from->at), of(to.at)))
+        if (auto why = now_.limits.trouble(point_of(from->at), point_of(to.at)))
             add(fmt::format("the leg from {} to {} {}", from->name, to.name, *why));
     }
     void place(const named_place& at) {
-        if (auto why = now_.limits.trouble(of(at.at))) add(fmt::format("{} {}", at.name, *why));
+        if (auto why = now_.limits.trouble(point_of(at.at))) add(fmt::format("{} {}", at.name, *why));
     }
     void course(double heading_deg, double metres) {
         auto from = boat();
         if (!from) return;
-        auto land = now_.limits.metres_to_land(of(from->at), flat_destination(of(from->at), heading_deg, metres));
+        auto land =
+            now_.limits.metres_to_land(point_of(from->at), flat_destination(point_of(from->at), heading_deg, metres));
         if (land) add(fmt::format("the heading {:03.0f}° meets land after {:.0f} m", heading_deg, *land));
     }
     void add(std::string line) {

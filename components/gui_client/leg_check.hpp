@@ -7,6 +7,9 @@
 
 namespace atirma::console {
 
+/// The place of a waypoint, as `sea_limits` takes it.
+inline coast_point point_of(const waypoint& at) { return {at.latitude_deg, at.longitude_deg}; }
+
 /// What is known of the boat when legs are checked.
 struct leg_context {
     const sea_limits& limits;

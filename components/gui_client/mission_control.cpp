@@ -121,7 +121,7 @@ ise::task<bool> mission_control::read_back(std::string via, const bool* stop) {
     auto phase = co_await sender_.execute(std::move(one), stop);
     if (phase != command_phase::done) co_return false;
     auto link = link_of_path(via).value_or(link_id::xbee);
-    auto patience = std::max(20.0, 3 * expected_period_s(value_kind::position, link, state.boat().settings));
+    auto patience = std::max(20.0, 3 * state.boat().rhythm.position_s(link));
     auto until = self.now() + std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(patience));
     while (!state.mission().complete_since(asked_at) && self.now() < until && !(stop && *stop))
         co_await self.sleep(poll_);

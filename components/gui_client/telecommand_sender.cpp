@@ -57,7 +57,7 @@ float telecommand_sender::default_valid_s(command_kind kind, const std::string& 
     const auto& links = context_.state.links();
     auto path = via;
     if (auto chosen = links.find(via); via.empty() || (chosen != links.end() && chosen->second.all_links))
-        path = choose_link(links, context_.state.boat().settings, context_.clock());
+        path = choose_link(links, context_.state.boat().rhythm, context_.clock());
     auto found = links.find(path);
     auto link = found != links.end() && found->second.link ? found->second.link : link_of_path(path);
     return std::chrono::duration<float>(default_validity(kind, link.value_or(link_id::xbee))).count();
@@ -79,7 +79,7 @@ std::string telecommand_sender::limits_forbid(const give_command& what) const {
 std::string telecommand_sender::route(const std::string& via, telecommand_request& request) const {
     const auto& links = context_.state.links();
     if (context_.role.empty())
-        return via.empty() ? choose_link(links, context_.state.boat().settings, context_.clock()) : via;
+        return via.empty() ? choose_link(links, context_.state.boat().rhythm, context_.clock()) : via;
     // The nodes record it, and know the links. The role itself stands for all of them: its link is only that of the
     // newest packet.
     auto chosen = links.find(via);

@@ -1,5 +1,7 @@
 #include <components/gui_client/track_store.hpp>
 
+#include <components/gui_client/freshness.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -71,8 +73,12 @@ std::string track_to_csv(const std::vector<track_point>& track) {
     return text;
 }
 
+bool is_outage(const track_point& before, const track_point& point, const report_rhythm& rhythm) noexcept {
+    return age_s(point.at, before.at) >= rhythm.outage_s(before.link, point.link);
+}
+
 std::string track_to_gpx(const std::string& boat, const std::vector<track_point>& track,
-                         const std::vector<waypoint>& list) {
+                         const std::vector<waypoint>& list, const report_rhythm& rhythm) {
     std::string text = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
                        "<gpx version=\"1.1\" creator=\"atirma_console\" xmlns=\"http://www.topografix.com/GPX/1/1\">\n";
     if (!list.empty()) {
@@ -84,7 +90,7 @@ std::string track_to_gpx(const std::string& boat, const std::vector<track_point>
     }
     text += fmt::format("<trk><name>{}</name>\n", escaped(boat));
     for (std::size_t i = 0; i < track.size(); ++i) {
-        bool begins = i == 0 || track[i].at - track[i - 1].at > std::chrono::minutes(10);
+        bool begins = i == 0 || is_outage(track[i - 1], track[i], rhythm);
         if (begins) text += i == 0 ? "<trkseg>\n" : "</trkseg>\n<trkseg>\n";
         text += fmt::format("<trkpt lat=\"{:.7f}\" lon=\"{:.7f}\"><time>{}</time></trkpt>\n", track[i].latitude_deg,
                             track[i].longitude_deg, iso_time(track[i].at));

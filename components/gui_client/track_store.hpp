@@ -32,9 +32,11 @@ private:
 
 /// `time,latitude_deg,longitude_deg,speed_mps,link,history,boot`, one line a point.
 std::string track_to_csv(const std::vector<track_point>& track);
-/// GPX 1.1: the waypoints as a route, the track in segments, which end at gaps of more than ten minutes.
+/// Whether the boat was not heard between a point and the one before it.
+bool is_outage(const track_point& before, const track_point& point, const report_rhythm& rhythm) noexcept;
+/// GPX 1.1: the waypoints as a route, the track in segments, which end at outages.
 std::string track_to_gpx(const std::string& boat, const std::vector<track_point>& track,
-                         const std::vector<waypoint>& waypoints);
+                         const std::vector<waypoint>& waypoints, const report_rhythm& rhythm);
 /// "2026-11-21T17:30:05.250Z".
 std::string iso_time(utc_time at);
 

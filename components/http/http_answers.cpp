@@ -7,6 +7,7 @@ namespace atirma {
 
 std::string_view reason_of(int status) noexcept {
     switch (status) {
+        case 101: return "Switching Protocols";
         case 200: return "OK";
         case 304: return "Not Modified";
         case 400: return "Bad Request";
@@ -17,6 +18,7 @@ std::string_view reason_of(int status) noexcept {
         case 408: return "Request Timeout";
         case 413: return "Payload Too Large";
         case 414: return "URI Too Long";
+        case 426: return "Upgrade Required";
         case 431: return "Request Header Fields Too Large";
         case 500: return "Internal Server Error";
         case 503: return "Service Unavailable";

@@ -43,4 +43,13 @@ ise::task<std::optional<http_message>> http_requests::next() {
     co_return request;
 }
 
+ise::task<ise::bytes_view> http_requests::read_raw() {
+    auto got = std::exchange(rest_, {});
+    if (got.empty()) {
+        auto read = co_await line_.read_some(asio::buffer(buffer_));
+        got = ise::bytes_view(buffer_).first(read.bytes);
+    }
+    co_return got;
+}
+
 } // namespace atirma

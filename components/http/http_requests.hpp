@@ -34,6 +34,10 @@ public:
     /// A request has begun and has not come to its end.
     bool under_way() const noexcept { return reader_.begun(); }
 
+    /// After a request that changes the protocol: bytes as they come, valid until the next call; none once the
+    /// connection is over. One reader at a time. Cancellation: terminal.
+    ise::task<ise::bytes_view> read_raw();
+
     /// To answer over; it has the deadline of the request until another one is set.
     line_with_deadline& line() noexcept { return line_; }
 

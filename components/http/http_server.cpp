@@ -5,6 +5,7 @@
 #include <ise/core/environment.hpp>
 #include <ise/core/error.hpp>
 #include <ise/core/log_limiter.hpp>
+#include <ise/core/readable.hpp>
 #include <ise/core/real/room_for_sockets.hpp>
 #include <ise/core/task_scope.hpp>
 #include <ise/core/waiter.hpp>
@@ -272,7 +273,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
             auto wished = form_of(asked.message);
             auto answering = (*by)(std::move(asked));
             made = co_await std::move(answering);
-            take_form(made, wished);
+            if (made.status != 101) take_form(made, wished);
         } else {
             made = answer(asked);
         }
@@ -302,6 +303,29 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         auto running = what.stream(body);
         co_await std::move(running);
         co_await body->finish();
+    }
+
+    ise::task<> upgrade(std::shared_ptr<http_requests> over, http_response what, std::string peer) {
+        over->line().on_late(nullptr);
+        std::string head = "HTTP/1.1 101 Switching Protocols\r\n";
+        for (const auto& [name, value] : what.headers) head.append(name).append(": ").append(value).append("\r\n");
+        head += "\r\n";
+        over->line().until(after(limits.sending.write));
+        auto unsent = co_await over->line().write_all(head);
+        if (unsent) co_return;
+        ++statistics.web_sockets;
+        auto socket = std::make_shared<web_socket>(on, std::move(over), limits.web_sockets, limits.web_socket);
+        struct leaving {
+            web_socket& which;
+            ~leaving() {
+                which.on_room(nullptr);
+                which.abort();
+            }
+        } guard{*socket};
+        spawn("writes to " + peer, web_socket::write(socket));
+        auto talking = what.upgrade(socket);
+        co_await std::move(talking);
+        if (!socket->cause().empty()) note(fmt::format("a WebSocket was closed: {}", socket->cause()), peer);
     }
 
     /// Gives the reason before the end: a client that is still sending would lose it.
@@ -360,6 +384,11 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
                     log.warning(fmt::format("{} failed: {}", what, *failed),
                                 {{"peer", peer}, {"left_out", std::to_string(*left_out)}});
                 made = error(500, "The server could not answer. It was logged.");
+            }
+            if (made.upgrade && made.status == 101) {
+                auto upgrading = upgrade(over, std::move(made), peer);
+                co_await std::move(upgrading);
+                co_return;
             }
             if (made.stream && with_body) {
                 auto streaming = stream(over, std::move(made), chunks, peer);
@@ -442,6 +471,38 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     http_statistics statistics;
     bool stopped = false;
 };
+
+http_response accept_web_socket(const http_request& asked, const std::vector<std::string>& protocols,
+                                std::function<ise::task<>(std::shared_ptr<web_socket>)> talk) {
+    const auto& request = asked.message;
+    if (request.method != "GET" || !lists_token(request.header("upgrade"), "websocket") ||
+        !lists_token(request.header("connection"), "upgrade")) {
+        auto made = plain_error(426, "This address takes WebSockets only.");
+        made.headers.emplace_back("Upgrade", "websocket");
+        return made;
+    }
+    if (request.header("sec-websocket-version") != "13") {
+        auto made = plain_error(426, "Only version 13 of the WebSocket protocol (RFC 6455) is spoken here.");
+        made.headers.emplace_back("Sec-WebSocket-Version", "13");
+        return made;
+    }
+    if (!is_web_socket_key(request.header("sec-websocket-key")))
+        return plain_error(400, "Sec-WebSocket-Key is not 16 bytes in base64.");
+    auto offered = request.header("sec-websocket-protocol");
+    auto chosen = std::ranges::find_if(protocols, [&](const auto& one) { return lists_token(offered, one); });
+    if (!protocols.empty() && chosen == protocols.end())
+        return plain_error(400,
+                           fmt::format("None of the subprotocols offered ({}) is spoken here: {}.",
+                                       offered.empty() ? "none" : ise::readable(offered), fmt::join(protocols, ", ")));
+    http_response made;
+    made.status = 101;
+    made.headers = {{"Upgrade", "websocket"},
+                    {"Connection", "Upgrade"},
+                    {"Sec-WebSocket-Accept", web_socket_accept(request.header("sec-websocket-key"))}};
+    if (chosen != protocols.end()) made.headers.emplace_back("Sec-WebSocket-Protocol", *chosen);
+    made.upgrade = std::move(talk);
+    return made;
+}
 
 http_server::http_server(ise::loop& on, ise::logger log, http_limits limits, spawner spawn)
     : self_(std::make_shared<implementation>(on, std::move(log), limits, std::move(spawn))) {}

@@ -2,6 +2,7 @@
 #include <components/http/http_requests.hpp>
 #include <components/http/http_stream.hpp>
 #include <components/http/sse_channel.hpp>
+#include <components/http/web_socket.hpp>
 
 #include <ise/core/endpoint.hpp>
 #include <ise/core/log.hpp>
@@ -29,7 +30,9 @@ struct http_limits {
     http_reader_limits message;
     http_times times;
     http_stream_times sending; ///< `write` also bounds sending a whole response
-    sse_limits streams;        ///< of each path; beyond `max_clients` `ise::net::fair_places` decides
+    web_socket_limits web_sockets;
+    web_socket_times web_socket;
+    sse_limits streams; ///< of each path; beyond `max_clients` `ise::net::fair_places` decides
 };
 
 struct http_request {
@@ -78,7 +81,16 @@ struct http_response {
     bool framed = false; ///< pages of other sites may show it in a frame
     /// Makes the body while it is sent, in place of `body`; the connection ends with it.
     std::function<ise::task<>(std::shared_ptr<http_stream>)> stream;
+    /// With status 101 (`accept_web_socket`): talks over the WebSocket that the connection becomes, until its `next()`
+    /// returns nothing.
+    std::function<ise::task<>(std::shared_ptr<web_socket>)> upgrade;
 };
+
+/// The response to a request for a WebSocket, which becomes one with the first of `protocols` that the client offers
+/// (Sec-WebSocket-Protocol; empty: without one). Else, where the handshake is wrong or no protocol is offered, an error
+/// (400 or 426) with its reason.
+http_response accept_web_socket(const http_request& asked, const std::vector<std::string>& protocols,
+                                std::function<ise::task<>(std::shared_ptr<web_socket>)> talk);
 
 struct http_statistics {
     std::uint64_t connections = 0;
@@ -87,12 +99,13 @@ struct http_statistics {
     std::uint64_t requests = 0;
     std::uint64_t requests_refused = 0; ///< malformed, too large, or not complete in time
     std::uint64_t handlers_failed = 0;
+    std::uint64_t web_sockets = 0; ///< accepted
     std::size_t open_connections = 0;
 };
 
 /// An HTTP/1.1 server over the environment's streams, on the real and on the virtual world: handlers, embedded files,
-/// and event streams. Requests of a connection are answered one after the other. Every response carries security
-/// headers that let a page load only from this server. There is no TLS: use a reverse proxy.
+/// event streams, and WebSockets. Requests of a connection are answered one after the other. Every response carries
+/// security headers that let a page load only from this server. There is no TLS: use a reverse proxy.
 ///
 /// Used on one loop. Connections that `stop` closed are released by the loop's next turns.
 class http_server {

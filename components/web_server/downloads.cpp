@@ -97,10 +97,10 @@ private:
         auto all = collect(when);
         const auto& boat = state_.options().boat;
         http_response made;
-        if (format == "gpx") made.body = to_gpx(boat, all.points, state_.waypoints());
+        if (format == "gpx") made.body = to_gpx(boat, all.points, state_.waypoints(), all.links, state_.rhythm());
         else if (format == "kml") made.body = to_kml(boat, all.points, state_.waypoints());
         else if (format == "csv") made.body = to_csv(all.points, all.links);
-        else made.body = to_geojson(boat, all.points, state_.waypoints(), all.links);
+        else made.body = to_geojson(boat, all.points, state_.waypoints(), all.links, state_.rhythm());
         made.download_as = file_name(format);
         return made;
     }

@@ -12,8 +12,6 @@
 namespace atirma {
 
 namespace {
-constexpr std::chrono::minutes gap_between_segments{10};
-
 /// Text of strangers inside XML: escaped, without the control characters that XML forbids.
 std::string xml(std::string_view text) {
     std::string safe;
@@ -32,6 +30,17 @@ std::string xml(std::string_view text) {
 
 bool is_rough(const track_point& point) { return point.circular_error_m.value_or(0) > rough_fix_m; }
 
+bool is_outage(const track_point& before, const track_point& point, const std::vector<std::string>& links,
+               const report_rhythm& rhythm) {
+    auto link_of = [&](const track_point& one) {
+        return one.source < links.size() ? from_name<link_id>(links[one.source]).value_or(link_id::xbee)
+                                         : link_id::xbee;
+    };
+    // Thinned points keep the longest silence before them, which is shorter than the time between them.
+    auto silence = point.silence.count() > 0 ? point.silence : point.at - before.at;
+    return std::chrono::duration<double>(silence).count() >= rhythm.outage_s(link_of(before), link_of(point));
+}
+
 std::string name_of(const track_waypoint& point, std::size_t index) {
     return point.name.empty() ? fmt::format("WP{}", index + 1) : xml(point.name);
 }
@@ -46,7 +55,8 @@ std::string iso_8601(utc_ms at) {
 }
 
 std::string to_gpx(std::string_view boat, const std::vector<track_point>& track,
-                   const std::vector<track_waypoint>& waypoints) {
+                   const std::vector<track_waypoint>& waypoints, const std::vector<std::string>& links,
+                   const report_rhythm& rhythm) {
     std::string out;
     auto to = std::back_inserter(out);
     fmt::format_to(to,
@@ -64,7 +74,7 @@ std::string to_gpx(std::string_view boat, const std::vector<track_point>& track,
         const track_point* previous = nullptr;
         for (const auto& point : track) {
             if (is_rough(point)) continue;
-            if (previous && point.at - previous->at > gap_between_segments) out += "</trkseg>\n<trkseg>\n";
+            if (previous && is_outage(*previous, point, links, rhythm)) out += "</trkseg>\n<trkseg>\n";
             fmt::format_to(to, "<trkpt lat=\"{:.7f}\" lon=\"{:.7f}\"><time>{}</time></trkpt>\n", point.latitude_deg,
                            point.longitude_deg, iso_8601(point.at));
             previous = &point;
@@ -131,7 +141,8 @@ std::string to_csv(const std::vector<track_point>& track, const std::vector<std:
 }
 
 std::string to_geojson(std::string_view boat, const std::vector<track_point>& track,
-                       const std::vector<track_waypoint>& waypoints, const std::vector<std::string>& links) {
+                       const std::vector<track_waypoint>& waypoints, const std::vector<std::string>& links,
+                       const report_rhythm& rhythm) {
     auto place = [](const auto& at) {
         return json::array({rounded(at.longitude_deg, 7), rounded(at.latitude_deg, 7)});
     };
@@ -149,7 +160,7 @@ std::string to_geojson(std::string_view boat, const std::vector<track_point>& tr
                                         {"link", point.source < links.size() ? links[point.source] : std::string()}}));
             continue;
         }
-        if (!previous || point.at - previous->at > gap_between_segments) {
+        if (!previous || is_outage(*previous, point, links, rhythm)) {
             lines.push_back(json::array());
             times.push_back(json::array());
         }

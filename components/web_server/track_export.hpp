@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/report_rhythm.hpp>
 #include <components/web_server/track_line.hpp>
 
 #include <string>
@@ -11,9 +12,10 @@ namespace atirma {
 // the error beside them. `links` are the names that `track_point::source` counts.
 inline constexpr double rough_fix_m = 200;
 
-/// GPX 1.1: the waypoints as a route, the track in segments that end where nothing was heard for ten minutes.
+/// GPX 1.1: the waypoints as a route, the track in segments, which end at outages (`report_rhythm::outage_s`).
 std::string to_gpx(std::string_view boat, const std::vector<track_point>& track,
-                   const std::vector<track_waypoint>& waypoints);
+                   const std::vector<track_waypoint>& waypoints, const std::vector<std::string>& links,
+                   const report_rhythm& rhythm);
 
 /// KML 2.2 for globes: the track with its times, the waypoints, and the last position.
 std::string to_kml(std::string_view boat, const std::vector<track_point>& track,
@@ -23,10 +25,11 @@ std::string to_kml(std::string_view boat, const std::vector<track_point>& track,
 /// known is empty.
 std::string to_csv(const std::vector<track_point>& track, const std::vector<std::string>& links);
 
-/// GeoJSON (RFC 7946): the track as a MultiLineString with the times beside it (`coordTimes`), rough fixes and
-/// waypoints as points.
+/// GeoJSON (RFC 7946): the track as a MultiLineString with the times beside it (`coordTimes`), whose lines end at
+/// outages, rough fixes and waypoints as points.
 std::string to_geojson(std::string_view boat, const std::vector<track_point>& track,
-                       const std::vector<track_waypoint>& waypoints, const std::vector<std::string>& links);
+                       const std::vector<track_waypoint>& waypoints, const std::vector<std::string>& links,
+                       const report_rhythm& rhythm);
 
 /// "2026-11-21T10:00:00Z", with milliseconds where there are any.
 std::string iso_8601(utc_ms at);

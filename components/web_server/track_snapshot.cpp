@@ -198,6 +198,8 @@ std::string track_state::track_text() const {
 void track_state::on_report(link_id link, utc_ms measured_at) noexcept { self_->rhythm.on_report(link, measured_at); }
 void track_state::on_configuration(const configuration& told) noexcept { self_->rhythm.on_configuration(told); }
 
+const report_rhythm& track_state::rhythm() const noexcept { return self_->rhythm; }
+
 freshness_limits track_state::position_limits() const noexcept {
     auto link = self_->position ? from_name<link_id>(self_->position->from.source) : std::nullopt;
     return self_->rhythm.limits(value_kind::position, link.value_or(link_id::xbee));

@@ -43,6 +43,7 @@ public:
     void on_configuration(const configuration& told) noexcept;
     /// Of the newest position's link.
     freshness_limits position_limits() const noexcept;
+    const report_rhythm& rhythm() const noexcept; ///< until the state changes
 
     /// The newest report of each kind as JSON, without the track: what a page shows first. `track_id` is that of the
     /// `track_text` which the page gets besides: its stream goes on from there. `more` is a JSON object's members,

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <ctime>
 #include <iterator>
+#include <map>
 #include <utility>
 
 namespace ise::access {
@@ -56,11 +57,28 @@ std::string json_of(const audit_entry& entry, std::uint64_t left_out) {
 }
 
 struct audit_log::state {
+    struct account {
+        unsigned refusals = 0;
+        std::uint64_t left_out = 0;
+        audit_entry last; // of those left out
+    };
+
+    ~state() { tell_left_out(); }
+    void tell_left_out() {
+        for (const auto& [who, one] : accounts)
+            if (one.left_out > 0) to(json_of(one.last, one.left_out - 1));
+        accounts.clear();
+    }
+    account& account_of(const std::string& who) {
+        auto found = accounts.find(who);
+        if (found != accounts.end()) return found->second;
+        return accounts[accounts.size() < most_identities ? who : std::string()];
+    }
+
     std::mutex mutex;
     sink to;
     std::chrono::time_point<std::chrono::system_clock, std::chrono::seconds> second{}; // of the refusals counted
-    unsigned refusals = 0;
-    std::uint64_t left_out = 0;
+    std::map<std::string, account> accounts;                                           // by identity
 };
 
 audit_log::audit_log(sink to) : state_(std::make_shared<state>()) { state_->to = std::move(to); }
@@ -84,13 +102,15 @@ void audit_log::keep(const audit_entry& entry) const {
         std::chrono::time_point_cast<std::chrono::system_clock::duration>(entry.at));
     if (second != state_->second) {
         state_->second = second;
-        state_->refusals = 0;
+        state_->tell_left_out();
     }
-    if (!entry.allowed && ++state_->refusals > most_refusals) {
-        ++state_->left_out;
+    auto& whose = state_->account_of(entry.who);
+    if (!entry.allowed && ++whose.refusals > most_refusals) {
+        ++whose.left_out;
+        whose.last = entry;
         return;
     }
-    state_->to(json_of(entry, std::exchange(state_->left_out, 0)));
+    state_->to(json_of(entry, std::exchange(whose.left_out, 0)));
 }
 
 } // namespace ise::access

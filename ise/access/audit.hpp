@@ -2,6 +2,7 @@
 #include <ise/core/result.hpp>
 #include <ise/core/time.hpp>
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -25,12 +26,15 @@ struct audit_entry {
 /// "left_out":0}`, without the end of the line.
 std::string json_of(const audit_entry& entry, std::uint64_t left_out);
 
-/// The audit log of a node: a line of JSON for each entry. Refusals are bounded, since whoever is refused may ask as
-/// often as he likes: at most `most_refusals` in a second, and how many were left out is told by the next. A value,
-/// shared by its copies. Thread-safe.
+/// The audit log of a node: a line of JSON for each entry. Refusals are bounded for each identity, since a peer may ask
+/// as often as it likes, and must not hide what others are refused: at most `most_refusals` in a second. Of those left
+/// out the last is written in a later second, or when the log closes; `left_out` counts the ones of the same identity
+/// before the line. A value, shared by its copies. Thread-safe.
 class audit_log {
 public:
     static constexpr unsigned most_refusals = 20;
+    /// Identities that are told apart within a second; those beyond share one account.
+    static constexpr std::size_t most_identities = 256;
     using sink = std::function<void(const std::string& line)>;
 
     /// Keeps nothing.

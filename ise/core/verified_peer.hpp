@@ -2,6 +2,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace ise {
 
@@ -9,9 +10,11 @@ namespace ise {
 struct verified_peer {
     /// The identity that the rest comes to: "ise://atirma/web", "unix:1001"; empty: nobody that is known.
     std::string who;
-    std::string serial;                ///< of its certificate, hexadecimal; empty: it showed none
-    std::string from;                  ///< its address, for people
-    std::string certificate;           ///< the URI in its certificate; empty: none
+    std::string serial;      ///< of its certificate, hexadecimal; empty: it showed none
+    std::string from;        ///< its address, for people
+    std::string certificate; ///< the URI in its certificate; empty: none
+    /// Issuer and serial of each certificate from its own to the authority, as revocation lists name them.
+    std::vector<std::string> chain;
     std::optional<std::uint32_t> user; ///< its user on this host, over a local socket
     bool has_key = false;              ///< it proved the shared key
     bool same_process = false;         ///< nothing lies between the two

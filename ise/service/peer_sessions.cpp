@@ -3,6 +3,9 @@
 #include <ise/access/guard.hpp>
 #include <ise/net/connect.hpp>
 #include <ise/net/handshake.hpp>
+#include <ise/transport/tls/identity.hpp>
+
+#include <fmt/format.h>
 
 #include <algorithm>
 
@@ -111,6 +114,16 @@ std::vector<std::shared_ptr<session>> peer_sessions::in_order() const {
 
 void peer_sessions::review_access() {
     for (auto& one : in_order()) one->review_access(); // some may end meanwhile
+}
+
+void peer_sessions::end_revoked() {
+    if (!credentials_.tls) return;
+    for (auto& one : in_order()) {
+        const auto& peer = one->verified();
+        if (peer.chain.empty() || !credentials_.tls->revoked(shared_.runtime.env(), peer.chain)) continue;
+        one->revoke(failure(errc::unauthorized, fmt::format("the certificate of {} (serial {}) was revoked",
+                                                            access::shown(peer.who), peer.serial)));
+    }
 }
 
 void peer_sessions::finish_all(const failure& why, duration grace) {

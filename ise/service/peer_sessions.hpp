@@ -42,6 +42,8 @@ public:
 
     /// Decides anew over all that is allowed.
     void review_access();
+    /// Ends those whose certificate has been revoked.
+    void end_revoked();
     /// Ends every session, saying why.
     void finish_all(const failure& why, duration grace);
     /// Completes once none is left, or at `limit`. Cancellation: nothing is lost.

@@ -24,13 +24,19 @@ service_host::service_host(environment& env, loop& on, task_scope& scope, wire::
 }
 
 void service_host::follow_access() {
-    if (!access() || access_watch_) return;
+    if ((!access() && !peers_.credentials().tls) || access_watch_) return;
     access_watch_ = std::make_unique<timer>(on(), [this] { watch_access(); });
     watch_access();
 }
 
-// An edit of the policy counts for what exists already.
+// An edit of the policy, or of the revocation lists, counts for what exists already.
 void service_host::watch_access() {
+    peers_.end_revoked();
+    if (access()) follow_policy();
+    if (access_watch_) access_watch_->arm(saturating_add(on().now(), access::guard::reread_after));
+}
+
+void service_host::follow_policy() {
     access()->refresh();
     auto version = access()->version();
     if (version != access_seen_) {
@@ -40,7 +46,6 @@ void service_host::watch_access() {
         else log().info("the access policy was read anew", {{"hash", access()->current()->hash()}});
         if (!broken) peers_.review_access();
     }
-    if (access_watch_) access_watch_->arm(saturating_add(on().now(), access::guard::reread_after));
 }
 
 void service_host::serve_as(std::vector<std::string> roles) {

@@ -54,13 +54,15 @@ public:
     void pause(const failure& why, duration grace);
     void go_on() noexcept { acceptor_.go_on(); }
 
-    /// From now on an edit of the access policy counts for sessions that exist, too; where there is a policy.
+    /// From now on an edit of the access policy, and a certificate that is revoked, count for sessions that exist, too;
+    /// where there is a policy or a certificate.
     void follow_access();
     /// The roles that it serves: rules that name one are about it, too.
     void serve_as(std::vector<std::string> roles);
 
 private:
     void watch_access();
+    void follow_policy();
 
     use_book uses_;
     channel_context links_share_; // before the calls, which keep links
@@ -70,7 +72,7 @@ private:
     std::map<std::string, std::weak_ptr<peer_channel>> links_;
     session_acceptor acceptor_; // before the sessions, which hold places of it
     peer_sessions peers_;
-    std::unique_ptr<timer> access_watch_; // where there is a policy
+    std::unique_ptr<timer> access_watch_; // where there is a policy or a certificate
     std::uint64_t access_seen_ = 0;       // which of its versions
 };
 

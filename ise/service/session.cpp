@@ -64,12 +64,20 @@ void session::on_closed(const failure& cause) {
     on_over_(*this);
 }
 
+void session::revoke(failure why) {
+    if (!open()) return;
+    constexpr duration grace = std::chrono::milliseconds(500); // to take the goodbye
+    runtime().tell(peer_trouble::rejected, fmt::format("a session was ended: {}", why.message()), peer_name());
+    // Now: a subscription or an action would wait for its requester to come back.
+    if (incoming_subscriptions_) incoming_subscriptions_->end_all(why);
+    if (!open()) return; // the callback of a user may have ended it
+    finish(std::move(why), grace);
+}
+
 void session::review_access() {
     if (!open()) return;
     if (auto revoked = objection_to_session()) {
-        constexpr duration grace = std::chrono::seconds(1); // to take the goodbye
-        runtime().tell(peer_trouble::rejected, fmt::format("a session was ended: {}", revoked->message()), peer_name());
-        finish(std::move(*revoked), grace);
+        revoke(std::move(*revoked));
         return;
     }
     incoming_calls_.review();

@@ -50,6 +50,8 @@ public:
     /// The access policy, or who this side is for it, has changed: calls that are denied now are refused, subscriptions
     /// that are denied end, and so does the session of a peer that may not have its path any more.
     void review_access();
+    /// Ends it: what the peer was let in by does not count any more.
+    void revoke(failure why);
 
     /// The services of the peer that this side has called over it, or is subscribed to; each once, by name.
     std::vector<std::string> used_services() const;

@@ -171,8 +171,18 @@ void incoming_subscriptions::review() {
     for (const auto& [id, one] : by_id_)
         if (auto denied = over().objection_to_use(service_kind::subscription, one.publication->name(), true))
             over_now.emplace_back(id, std::move(*denied));
+    end_each(over_now);
+}
+
+void incoming_subscriptions::end_all(const failure& why) {
+    std::vector<std::pair<std::uint64_t, failure>> over_now;
+    for (const auto& [id, one] : by_id_) over_now.emplace_back(id, why);
+    end_each(over_now);
+}
+
+void incoming_subscriptions::end_each(const std::vector<std::pair<std::uint64_t, failure>>& over_now) {
     for (const auto& [id, why] : over_now) {
-        auto found = by_id_.find(id); // the user's callback may have ended others
+        auto found = by_id_.find(id); // the callback of a user may have ended others
         if (found == by_id_.end()) continue;
         if (auto* who = found->second.who) found->second.publication->end(*who, why);
         else end(id, why, 0);

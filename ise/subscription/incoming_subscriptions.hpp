@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <utility>
 #include <vector>
 
 namespace ise {
@@ -25,6 +26,8 @@ public:
     void on_session_end();
     /// The access policy has changed: subscriptions that it denies now end.
     void review();
+    /// Ends every one.
+    void end_all(const failure& why);
     void end(std::uint64_t id, const failure& why, std::uint64_t lost) override;
     void forget(std::uint64_t id) noexcept override { by_id_.erase(id); }
     std::size_t size() const noexcept { return by_id_.size(); }
@@ -35,6 +38,7 @@ private:
         remote_subscriber* who = nullptr; // null while schemas are compared
         std::unique_ptr<adapter> unsubscribe;
     };
+    void end_each(const std::vector<std::pair<std::uint64_t, failure>>& over_now);
     void admit(std::uint64_t id, wire::subscribe terms, const std::vector<schema>* theirs, bool takes_objects);
     const publication_directory& services_;
     std::map<std::uint64_t, entry> by_id_;

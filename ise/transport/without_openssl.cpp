@@ -32,6 +32,7 @@ namespace net::tls {
 
 result<std::shared_ptr<identity>> identity::load(environment&, const std::string& folder) { return not_built(folder); }
 result<std::shared_ptr<ssl_ctx_st>> identity::context(environment&) { return not_built("TLS"); }
+bool identity::revoked(environment&, const std::vector<std::string>&) { return false; }
 std::unique_ptr<stream> answer(loop&, std::unique_ptr<stream>, std::shared_ptr<identity>) {
     throw std::logic_error("there is no identity");
 }

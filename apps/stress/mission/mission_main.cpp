@@ -1,8 +1,8 @@
 // The part of a mission on the real clock that is no process of the deployment; apps/demo --mission stress starts it.
 #include "mission.hpp"
 
+#include <apps/program_options.hpp>
 #include <apps/stress/report.hpp>
-#include <apps/wrapped_help.hpp>
 
 #include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>

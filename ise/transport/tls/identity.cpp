@@ -10,6 +10,8 @@
 #include <openssl/ssl.h>
 #include <openssl/x509.h>
 
+#include <algorithm>
+
 namespace ise::net::tls {
 namespace {
 
@@ -67,6 +69,12 @@ result<std::shared_ptr<ssl_ctx_st>> identity::context(environment& env) {
                            fmt::format("no session with TLS can be made: {}", read.error().message()));
     }
     return made_;
+}
+
+bool identity::revoked(environment& env, const std::vector<std::string>& chain) {
+    std::lock_guard lock(mutex_);
+    if (env.now() - read_at_ >= reread_after) (void)refresh(env); // new sessions report why it cannot
+    return std::ranges::any_of(chain, [&](const auto& one) { return revoked_.contains(one); });
 }
 
 result<void> identity::refresh(environment& env) {
@@ -132,15 +140,21 @@ result<std::shared_ptr<ssl_ctx_st>> identity::build(const files& from) {
         if (X509_STORE_add_cert(store, one.get()) != 1) return wrong("ca.pem", cause());
     auto lists = over(from.authorities);
     int count = 0;
+    std::set<std::string> listed;
     while (auto list = revocations(PEM_read_bio_X509_CRL(lists.get(), nullptr, no_passphrase, nullptr))) {
         if (X509_STORE_add_crl(store, list.get()) != 1) return wrong("ca.pem", cause());
         ++count;
+        auto* entries = X509_CRL_get_REVOKED(list.get());
+        for (int at = 0; entries && at < sk_X509_REVOKED_num(entries); ++at)
+            listed.insert(listed_as(*X509_CRL_get_issuer(list.get()),
+                                    *X509_REVOKED_get0_serialNumber(sk_X509_REVOKED_value(entries, at))));
     }
     ERR_clear_error();
     // Where there was a list once, none is not an empty one.
     if (count == 0 && knows_revoked_) return wrong("ca.pem", "it had a revocation list before, and has none now");
     if (count > 0) X509_STORE_set_flags(store, X509_V_FLAG_CRL_CHECK | X509_V_FLAG_CRL_CHECK_ALL);
     knows_revoked_ = count > 0;
+    revoked_ = std::move(listed);
     who_ = std::move(about->identity);
     return std::shared_ptr<ssl_ctx_st>(std::move(made));
 }

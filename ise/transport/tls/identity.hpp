@@ -4,7 +4,9 @@
 
 #include <memory>
 #include <mutex>
+#include <set>
 #include <string>
+#include <vector>
 
 struct ssl_ctx_st; // of OpenSSL
 
@@ -15,8 +17,9 @@ namespace ise::net::tls {
 /// ones behind it), key.pem (readable by the owner only). Thread-safe.
 class identity {
 public:
-    /// Files that were changed count for sessions that are made this much later.
-    static constexpr duration reread_after = std::chrono::seconds(10);
+    /// Files that were changed count for sessions that are made this much later. Who looks for revoked peers does so
+    /// every 5 s: together that is less than 10 s.
+    static constexpr duration reread_after = std::chrono::seconds(4);
 
     /// Errors: errc::unauthorized (others can read key.pem), errc::io_failed, errc::invalid_argument, each with the
     /// file.
@@ -25,6 +28,10 @@ public:
     /// What a new session is made with. Where the files cannot be used any more (one is gone, or half written) that is
     /// the error: what was revoked meanwhile is not let in.
     result<std::shared_ptr<ssl_ctx_st>> context(environment& env);
+
+    /// Whether a peer with these certificates (`verified_peer::chain`) was revoked, by the present lists. While the
+    /// files cannot be used, by the last ones that could.
+    bool revoked(environment& env, const std::vector<std::string>& chain);
 
     /// The identity in its own certificate (`ise://SYSTEM/NAME`); empty: it has none.
     std::string who() const {
@@ -49,6 +56,7 @@ private:
     std::shared_ptr<ssl_ctx_st> made_;
     std::string who_;
     bool knows_revoked_ = false;
+    std::set<std::string> revoked_; // as in `verified_peer::chain`
     time_point read_at_{};
 };
 

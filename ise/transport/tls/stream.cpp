@@ -156,6 +156,7 @@ public:
         if (!greeted_) return;
         to.certificate = shown_.identity;
         to.serial = shown_.serial;
+        to.chain = shown_.chain;
     }
     std::string_view what_began() const { return with_->what_began(); }
     std::optional<endpoint> local() const override { return with_->local(below_->local()); }
@@ -204,6 +205,7 @@ int tls_stream::on_certificate(int good, X509_STORE_CTX* check) {
         auto whom = subject_of(*about);
         if (whom) {
             self->shown_ = std::move(*whom);
+            self->shown_.chain = chain_of(*check);
             return 1;
         }
         self->verdict_ = whom.error();

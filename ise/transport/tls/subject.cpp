@@ -16,9 +16,8 @@ namespace {
 
 constexpr std::string_view scheme = "ise://";
 
-std::string serial_of(const x509_st& of) {
-    std::unique_ptr<BIGNUM, decltype(&BN_free)> number(ASN1_INTEGER_to_BN(X509_get0_serialNumber(&of), nullptr),
-                                                       BN_free);
+std::string text_of(const ASN1_INTEGER& serial) {
+    std::unique_ptr<BIGNUM, decltype(&BN_free)> number(ASN1_INTEGER_to_BN(&serial, nullptr), BN_free);
     if (!number) return {};
     char* text = BN_bn2hex(number.get());
     std::string made = text ? text : "";
@@ -28,9 +27,25 @@ std::string serial_of(const x509_st& of) {
 
 } // namespace
 
+std::string listed_as(const X509_NAME& issuer, const ASN1_INTEGER& serial) {
+    // The hash is of the canonical form: a list may encode the issuer differently than the certificate does.
+    int good = 0;
+    return fmt::format("{} of {:08x}", text_of(serial), X509_NAME_hash_ex(&issuer, nullptr, nullptr, &good));
+}
+
+std::vector<std::string> chain_of(X509_STORE_CTX& check) {
+    std::vector<std::string> made;
+    auto* chain = X509_STORE_CTX_get0_chain(&check);
+    for (int at = 0; chain && at < sk_X509_num(chain); ++at) {
+        const auto* one = sk_X509_value(chain, at);
+        made.push_back(listed_as(*X509_get_issuer_name(one), *X509_get0_serialNumber(one)));
+    }
+    return made;
+}
+
 result<subject> subject_of(x509_st& certificate) {
     subject made;
-    made.serial = serial_of(certificate);
+    made.serial = text_of(*X509_get0_serialNumber(&certificate));
     auto* found = static_cast<GENERAL_NAMES*>(X509_get_ext_d2i(&certificate, NID_subject_alt_name, nullptr, nullptr));
     std::unique_ptr<GENERAL_NAMES, decltype(&GENERAL_NAMES_free)> names(found, GENERAL_NAMES_free);
     std::string identity;

@@ -131,6 +131,7 @@ TEST_CASE("host: a program whose descriptors are held by idle connections serves
          of_iridium({"--webhook", "", "--directip", "tcp://127.0.0.1:PORT"})},
         {"the boat's channel", "no login\r\n", "<end>", {"gprs-proxy", "--boat-listen", "tcp://127.0.0.1:PORT"}},
         {"NMEA 0183", "", "", {"nmea-bridge", "--nmea-tcp", "tcp://127.0.0.1:PORT"}},
+        {"viewers", "GET / HTTP/1.1\r\nHost: x\r\n\r\n", "426 Upgrade Required", {"foxglove-boat", "--port", "PORT"}},
     }));
     INFO(one.name);
     scratch_folder folder;

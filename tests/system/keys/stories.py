@@ -184,6 +184,48 @@ def renewals(folder):
     refused(folder, 1, "was not issued by this authority", "renew", "shore", "--now", "--authority", *foreign(folder))
 
 
+def line_of(process):
+    """The next line that it prints. The time that is waited is bounded by that of the whole test."""
+    line = process.stdout.readline()
+    if not line:
+        raise Failed(f"it ended: {process.stderr.read()}")
+    return line
+
+
+def renewals_by_themselves(folder):
+    refused(folder, 2, "--now renews once, --every whenever it is due", "renew", "shore", "--now", "--every", "12h")
+    keys(folder, "request", "ise://robots/buoy", "--host", "127.0.0.1")
+    signed_elsewhere(folder, "buoy/request.pem", "buoy/certificate.pem", -1, 29)
+    (folder / "buoy/ca.pem").write_bytes((folder / "authority/ca.pem").read_bytes())
+    words = [ISE, "keys", "renew", "nowhere-yet", "buoy", "--every", "200ms"]
+    done = run(words, folder)
+    expect("what is wrong from the start is an error", done.returncode == 1 and "nowhere-yet" in done.stderr, done.stderr)
+    (old,) = show(folder, "buoy/certificate.pem")
+    with NameServer(folder, "buoy") as names, subprocess.Popen([ISE, "keys", "renew", "shore", "buoy", "--every", "200ms"], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=clean()) as renewing:
+        try:
+            for whose in ("shore", "buoy"):
+                told = line_of(renewing)
+                expect("what is good stays", whose in told and "is good until" in told, told)
+            # Time passes: the certificate is one of which more than two thirds are over, and a folder is gone.
+            (folder / "shore/certificate.pem").rename(folder / "shore/away.pem")
+            signed_elsewhere(folder, "buoy/request.pem", "due.pem", -25, 5)
+            (folder / "due.pem").replace(folder / "buoy/certificate.pem")
+            told = line_of(renewing)
+            expect("what is due is renewed, whatever becomes of the others", "buoy/certificate.pem is for ise://robots/buoy until" in told, told)
+        finally:
+            (folder / "shore/away.pem").rename(folder / "shore/certificate.pem")
+            renewing.terminate()
+            (_, complaints) = renewing.communicate()
+        expect("and of those it says why not", "shore/certificate.pem" in complaints, complaints)
+        (new,) = show(folder, "buoy/certificate.pem")
+        expect("it is another one", new["serial"] != old["serial"] and new["trouble"] == "", new)
+        host, port = names.at.removeprefix("tls://").split(":")
+        shown = ""
+        while f"serial={new['serial']}" not in shown:  # the name server reads it again; the limit of the test ends this
+            told = run(["openssl", "s_client", "-connect", f"{host}:{port}", "-tls1_3", "-cert", "buoy/certificate.pem", "-key", "buoy/key.pem"], folder, stdin="").stdout
+            shown = run(["openssl", "x509", "-noout", "-serial"], folder, stdin=told).stdout.strip()
+
+
 def foreign(folder):
     if not (folder / "foreign").exists():
         keys(folder, "ca", "robots", "--authority", "foreign")
@@ -259,7 +301,7 @@ def main():
     ISE, NAME_SERVER = (str(Path(one).resolve()) for one in sys.argv[1:])
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
-        for story in (files, refusals, renewals, transport):
+        for story in (files, refusals, renewals, renewals_by_themselves, transport):
             story(folder)
     return 0
 

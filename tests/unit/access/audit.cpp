@@ -2,6 +2,7 @@
 #include <ise/access/audit.hpp>
 #include <support/catch.hpp>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
@@ -57,6 +58,42 @@ TEST_CASE("access: of refusals only so many a second are kept, and how many were
     log.keep(entry_at(now + 1s));
     REQUIRE(lines.size() == audit_log::most_refusals + 2);
     CHECK_THAT(lines.back(), Contains("\"left_out\":0"));
+}
+
+TEST_CASE("access: who floods the audit log hides nobody else's refusals, and what was left out is told") {
+    std::vector<std::string> lines;
+    ise::wall_time now(100s);
+    auto with = [&](const std::string& text) {
+        return std::count_if(lines.begin(), lines.end(), [&](const auto& one) { return one.find(text) != one.npos; });
+    };
+    auto refusal_of = [&](const std::string& who, ise::wall_time at) {
+        auto made = entry_at(at);
+        made.who = who;
+        return made;
+    };
+    {
+        audit_log log([&](const std::string& line) { lines.push_back(line); });
+        for (int at = 0; at < 1000; ++at) log.keep(entry_at(now));
+        log.keep(refusal_of("ise://atirma/laptop", now));
+        CHECK(with("ise://atirma/laptop") == 1);
+        CHECK(with("ise://atirma/web") == audit_log::most_refusals);
+        SECTION("by the next line of anybody in a later second") {
+            log.keep(refusal_of("ise://atirma/laptop", now + 1s));
+            CHECK(with("\"left_out\":979") == 1);
+            CHECK(with("ise://atirma/web") == audit_log::most_refusals + 1);
+            CHECK(with("ise://atirma/laptop") == 2);
+        }
+        SECTION("when the log closes") {}
+        SECTION("with more identities than are told apart, all of them are bounded") {
+            lines.clear();
+            auto later = now + 2s;
+            for (std::size_t at = 0; at < 4 * audit_log::most_identities; ++at)
+                log.keep(refusal_of("unix:" + std::to_string(at), later));
+            CHECK(with("\"who\":\"unix:") <= static_cast<long>(audit_log::most_identities + audit_log::most_refusals));
+            CHECK(with("\"who\":\"unix:") >= static_cast<long>(audit_log::most_identities));
+        }
+    }
+    CHECK(with("\"left_out\":979") == 1);
 }
 
 TEST_CASE("access: an audit log goes to a file of its owner's") {

@@ -1,5 +1,9 @@
 // Sessions under an access policy, on the virtual world: who is verified, what is refused, and what an edit changes.
 #include <ise/access/guard.hpp>
+#include <ise/core/sleep.hpp>
+#include <ise/service/action.hpp>
+#include <ise/service/action_run.hpp>
+#include <ise/service/action_runs.hpp>
 #include <ise/transport/security.hpp>
 #include <support/authority.hpp>
 #include <support/boat_services.hpp>
@@ -366,6 +370,145 @@ TEST_CASE("access: whoever proved the shared key has its identity") {
     REQUIRE(got);
     CHECK(at.who_called == "ise://atirma/key");
     CHECK_FALSE(at.echoed());
+}
+
+struct sail_order {
+    std::string to;
+};
+inline constexpr ise::action<sail_order, sail_order, sail_order> sail{"sail"};
+
+namespace {
+
+constexpr const char* with_action = R"(version = 1
+[[allow]]
+who = "ise://atirma/boat"
+name = "boat"
+[[allow]]
+who = "ise://atirma/web"
+name = "shore"
+call = "boat:helm"
+subscribe = "boat:{position,sail}"
+)";
+
+// What a peer has going: a subscription and a started action, and how they ended.
+struct under_way {
+    std::string subscription, action;
+    bool sailing = false, stopped = false;
+};
+
+ise::task<int> follow_fixes(ise::remote to, under_way& at) {
+    auto packets = co_await to.subscribe(position);
+    try {
+        for (;;) {
+            auto packet = co_await packets.next();
+            if (!packet) break;
+        }
+        at.subscription = "it ended";
+    } catch (const ise::error& why) {
+        at.subscription = why.what();
+    }
+    co_return 0;
+}
+
+ise::task<int> follow_action(ise::remote to, under_way& at) {
+    sail_order wanted;
+    wanted.to = "buoy";
+    try {
+        auto run = co_await to.start(sail, wanted);
+        (void)co_await run.result();
+        at.action = "it arrived";
+    } catch (const ise::error& why) {
+        at.action = why.what();
+    }
+    co_return 0;
+}
+
+void provide_sail(party& boat, under_way& at) {
+    auto handler = [&boat, &at](sail_order to, ise::progress<sail_order>) -> ise::task<sail_order> {
+        at.sailing = true;
+        try {
+            co_await ise::sleep_for(boat.on, 1h);
+        } catch (const std::exception&) {
+            at.stopped = true;
+            throw;
+        }
+        co_return to;
+    };
+    boat.services->services().add(ise::make_action(*boat.services, sail, std::move(handler))).value();
+}
+
+} // namespace
+
+TEST_CASE("access: sessions of a revoked certificate end within ten seconds, with what they had going") {
+    authority other("one that revokes");
+    auto boat_folder = other.issue("boat", std::string("URI:ise://atirma/boat,") + authority::everywhere);
+    auto web_folder = other.issue("web", std::string("URI:ise://atirma/web,") + authority::everywhere);
+    auto put_list = [&](sea& at, const std::string& host) {
+        at.world.host(host).write_file("tls/ca.pem", other.certificate() + other.list());
+    };
+    under_way goes;
+    bool at_once = false;
+    sea at;
+    std::string policy = GENERATE(as<std::string>(), "", with_action);
+    at.boat = at.sail("boat", boat_folder, policy);
+    at.shore = at.sail("shore", web_folder, policy);
+    for (const char* host : {"boat", "shore"}) put_list(at, host);
+    at.boat->provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; });
+    at.fixes = at.boat->publish(position);
+    provide_sail(*at.boat, goes);
+    at.boat->listen("tls://0.0.0.0:7400");
+    at.there = at.shore->at("tls://boat:7400");
+    REQUIRE(at.steer());
+    auto following = start(at.shore->on, follow_fixes(at.there, goes));
+    auto sailing = start(at.shore->on, follow_action(at.there, goes));
+    at.world.run_for(20s);
+    REQUIRE(goes.sailing);
+    REQUIRE(at.boat->services->sessions().size() == 1);
+    SECTION("that of the one who asks") {
+        other.revoke("web");
+        put_list(at, "boat");
+        at_once = true; // else the provider waits for its requester as long as it always does
+    }
+    SECTION("that of the one who is asked") {
+        other.revoke("boat");
+        put_list(at, "shore");
+    }
+    SECTION("another one's changes nothing") {
+        other.issue("laptop");
+        other.revoke("laptop");
+        put_list(at, "boat");
+        put_list(at, "shore");
+        at.world.run_for(30s);
+        CHECK(at.boat->services->sessions().size() == 1);
+        CHECK(goes.subscription.empty());
+        CHECK_FALSE(goes.stopped);
+        CHECK(at.steer());
+        return;
+    }
+    at.world.run_for(10s);
+    CHECK(at.boat->services->sessions().empty());
+    CHECK(at.shore->services->sessions().empty());
+    if (at_once) CHECK(goes.stopped);
+    CHECK_FALSE(at.steer()); // nor is there a new one
+    at.world.run_for(1min);
+    CHECK(goes.stopped);
+    CHECK_FALSE(goes.action.empty());
+}
+
+TEST_CASE("access: an action that its identity may not have any more ends, and is cancelled at its provider") {
+    under_way goes;
+    sea at;
+    at.begin(with_action, web_files(), with_action);
+    provide_sail(*at.boat, goes);
+    auto sailing = start(at.shore->on, follow_action(at.there, goes));
+    at.world.run_for(1s);
+    REQUIRE(goes.sailing);
+    at.write("boat", sea::open);
+    at.world.run_for(10s);
+    CHECK(goes.stopped);
+    CHECK_THAT(goes.action, Contains("may not subscribe to 'sail' of boat"));
+    CHECK(at.steer()); // over the same session
+    CHECK(at.boat->services->counts().sessions_accepted == 1);
 }
 
 } // namespace access_sessions_test

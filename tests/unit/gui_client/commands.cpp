@@ -155,13 +155,27 @@ TEST_CASE("console: the track is exported as CSV and GPX, in segments where noth
     track[1].link = link_id::gprs;
     auto csv = track_to_csv(track);
     CHECK(csv.find("2026-09-21T14:13:22.000Z,28.1234567,0.0000000,0.00,gprs,0,0\n") != std::string::npos);
-    auto gpx = track_to_gpx("A & B", track, {{28.1, -15.4}});
+    auto gpx = track_to_gpx("A & B", track, {{28.1, -15.4}}, {});
     CHECK(gpx.find("<name>A &amp; B</name>") != std::string::npos);
     CHECK(gpx.find("<rtept lat=\"28.1000000\"") != std::string::npos);
     std::size_t segments = 0;
     for (auto from = gpx.find("<trkseg>"); from != std::string::npos; from = gpx.find("<trkseg>", from + 1)) ++segments;
     CHECK(segments == 2);
-    CHECK(track_to_gpx("x", {}, {}).find("<trkseg>") == std::string::npos);
+    CHECK(track_to_gpx("x", {}, {}, {}).find("<trkseg>") == std::string::npos);
+}
+
+TEST_CASE("console: a track over Iridium alone is one line, which an outage ends") {
+    report_rhythm rhythm;
+    std::vector<track_point> track;
+    for (auto after : {0min, 30min, 60min, 90min, 300min, 330min}) {
+        rhythm.on_report(link_id::iridium, t0 + after);
+        track.push_back({});
+        track.back().at = t0 + after;
+        track.back().link = link_id::iridium;
+    }
+    auto gpx = track_to_gpx("x", track, {}, rhythm);
+    CHECK(gpx.find("</trkseg>\n<trkseg>") == gpx.rfind("</trkseg>\n<trkseg>"));
+    CHECK(gpx.find("</trkseg>\n<trkseg>") != std::string::npos);
 }
 
 TEST_CASE("console: commands and packets in words") {

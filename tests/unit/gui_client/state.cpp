@@ -182,7 +182,7 @@ TEST_CASE("console: the time to the waypoint counts what is made good towards it
 
 TEST_CASE("console: the cheapest link that works is chosen for a command") {
     std::map<std::string, link_view> links;
-    CHECK(choose_link(links, std::nullopt, t0).empty());
+    CHECK(choose_link(links, {}, t0).empty());
     auto add = [&](const std::string& path, link_id id) -> link_view& {
         auto& made = links[path];
         made.path = path;
@@ -192,18 +192,18 @@ TEST_CASE("console: the cheapest link that works is chosen for a command") {
         return made;
     };
     auto& iridium = add(iridium_path, link_id::iridium);
-    CHECK(choose_link(links, std::nullopt, t0 + 10s) == iridium_path);
+    CHECK(choose_link(links, {}, t0 + 10s) == iridium_path);
     auto& xbee = add(xbee_path, link_id::xbee);
-    CHECK(choose_link(links, std::nullopt, t0 + 10s) == xbee_path);
-    CHECK(choose_link(links, std::nullopt, t0 + 10min) == iridium_path); // the radio was not heard for long
+    CHECK(choose_link(links, {}, t0 + 10s) == xbee_path);
+    CHECK(choose_link(links, {}, t0 + 10min) == iridium_path); // the radio was not heard for long
     iridium.connected = false;
-    CHECK(choose_link(links, std::nullopt, t0 + 10min) == xbee_path);
+    CHECK(choose_link(links, {}, t0 + 10min) == xbee_path);
     iridium.connected = true;
     xbee.xbee = xbee_local();
     xbee.xbee->trouble = "the port is gone";
-    CHECK(choose_link(links, std::nullopt, t0 + 10s) == iridium_path);
+    CHECK(choose_link(links, {}, t0 + 10s) == iridium_path);
     iridium.takes_commands = false;
-    CHECK(choose_link(links, std::nullopt, t0 + 10s) == xbee_path);
+    CHECK(choose_link(links, {}, t0 + 10s) == xbee_path);
 }
 
 } // namespace state_test

@@ -70,7 +70,7 @@ struct site : web_test::grounds {
 
 TEST_CASE("the track is offered as GPX and KML with escaped names") {
     auto state = voyage();
-    auto gpx = to_gpx(state.options().boat, state.track(), state.waypoints());
+    auto gpx = to_gpx(state.options().boat, state.track(), state.waypoints(), state.sources(), state.rhythm());
     CHECK(gpx.find("<name>A&lt;b&gt;&amp;&quot;c&quot;</name>") != std::string::npos);
     CHECK(gpx.find("<script>") == std::string::npos);
     CHECK(gpx.find("<trkpt lat=\"28.0000000\" lon=\"-15.0000000\"><time>2026-09-21T14:13:20Z</time>") !=
@@ -80,7 +80,25 @@ TEST_CASE("the track is offered as GPX and KML with escaped names") {
     auto kml = to_kml(state.options().boat, state.track(), state.waypoints());
     CHECK(kml.find("<gx:coord>-15.0000000 28.1000000 0</gx:coord>") != std::string::npos);
     CHECK(kml.find("Within about 4000 m") != std::string::npos);
-    CHECK(to_gpx("", {}, {}).find("</gpx>") != std::string::npos);
+    CHECK(to_gpx("", {}, {}, {}, {}).find("</gpx>") != std::string::npos);
+}
+
+TEST_CASE("a track over Iridium alone is one segment, and an outage ends it") {
+    track_state state;
+    for (auto after : {0min, 30min, 60min, 90min, 300min, 330min}) {
+        auto one = fix(after, 28.0 + 0.001 * static_cast<double>(after.count()), -15.0);
+        one.from.source = "iridium";
+        state.on_report(link_id::iridium, start + after);
+        state.apply(one, start + after);
+    }
+    auto gpx = to_gpx("x", state.track(), {}, state.sources(), state.rhythm());
+    std::size_t segments = 0;
+    for (auto at = gpx.find("<trkseg>"); at != std::string::npos; at = gpx.find("<trkseg>", at + 1)) ++segments;
+    CHECK(segments == 2);
+    auto lines = json::parse(to_geojson("x", state.track(), {}, state.sources(), state.rhythm()));
+    auto drawn = lines["features"][0]["geometry"]["coordinates"];
+    REQUIRE(drawn.size() == 2);
+    CHECK(drawn[0].size() == 4);
 }
 
 TEST_CASE("the track as CSV has a header and what is known of each fix") {
@@ -100,7 +118,8 @@ TEST_CASE("the track as CSV has a header and what is known of each fix") {
 
 TEST_CASE("the track as GeoJSON has a line for each time that the boat was heard, and times beside it") {
     auto state = voyage();
-    auto told = json::parse(to_geojson(state.options().boat, state.track(), state.waypoints(), state.sources()));
+    auto told = json::parse(
+        to_geojson(state.options().boat, state.track(), state.waypoints(), state.sources(), state.rhythm()));
     CHECK(told["type"] == "FeatureCollection");
     const auto& track = told["features"][0];
     CHECK(track["properties"]["name"] == "A<b>&\"c\"");
@@ -110,7 +129,7 @@ TEST_CASE("the track as GeoJSON has a line for each time that the boat was heard
     CHECK(track["properties"]["coordTimes"][0][1] == "2026-09-21T14:13:30Z");
     CHECK(told["features"][1]["properties"]["circular_error_m"] == 4000);
     CHECK(told["features"][2]["properties"]["name"] == "<script>");
-    CHECK(json::parse(to_geojson("", {}, {}, {}))["features"][0]["geometry"]["coordinates"].empty());
+    CHECK(json::parse(to_geojson("", {}, {}, {}, {}))["features"][0]["geometry"]["coordinates"].empty());
 }
 
 TEST_CASE("a download covers the time that was asked for, and a bad time is refused with how it is written") {

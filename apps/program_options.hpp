@@ -1,0 +1,57 @@
+#pragma once
+#include <ise/core/log.hpp>
+#include <ise/core/readable.hpp>
+#include <ise/transport/security.hpp>
+
+#include <CLI/CLI.hpp>
+
+#include <cstdlib>
+#include <memory>
+#include <string>
+#include <utility>
+
+/// Help in lines that fit a terminal. Set on an app before its subcommands, which inherit it.
+class wrapped_help : public CLI::Formatter {
+public:
+    std::string make_help(const CLI::App* app, std::string name, CLI::AppFormatMode mode) const override {
+        return ise::wrapped(CLI::Formatter::make_help(app, std::move(name), mode));
+    }
+};
+
+/// --key, --key-legacy, --tls and --access, as every program has them. `given` outlives the parse.
+inline void add_credentials(CLI::App& app, ise::security_options& given) {
+    app.add_option("--key", given.key_file,
+                   "a file with the shared key of the system; peers without it are refused (default: $ISE_KEY)")
+        ->type_name("FILE");
+    app.add_flag_callback(
+        "--key-legacy", [] { ::setenv("ISE_KEY_LEGACY", "1", 1); },
+        "prove the key by the scheme of earlier versions, without encryption (also ISE_KEY_LEGACY=1)");
+    app.add_option("--tls", given.tls_folder,
+                   "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")
+        ->type_name("FOLDER");
+    app.add_option("--access", given.access_file,
+                   "a file with the access policy (default: $ISE_ACCESS, else nothing is refused)")
+        ->type_name("FILE");
+}
+
+/// --audit, for programs that provide services.
+inline void add_audit(CLI::App& app, ise::security_options& given) {
+    app.add_option("--audit", given.audit_file,
+                   "a file that gets a line of JSON for each refusal and each change allowed (default: $ISE_AUDIT)")
+        ->type_name("FILE");
+}
+
+/// --log-level. `level` outlives the parse.
+inline void add_log_level(CLI::App& app, ise::log_level& level) {
+    app.add_option_function<std::string>(
+           "--log-level",
+           [&level](const std::string& name) {
+               using enum ise::log_level;
+               for (auto each : {debug, info, warning, error})
+                   if (name == ise::name_of(each)) level = each;
+           },
+           "minimum level of log lines on stderr: debug, info, warning or error")
+        ->check(CLI::IsMember({"debug", "info", "warning", "error"}).description(""))
+        ->type_name("LEVEL")
+        ->default_str(std::string(ise::name_of(level)));
+}

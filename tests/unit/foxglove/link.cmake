@@ -1,0 +1,1 @@
+target_link_libraries(unit_foxglove PRIVATE ise_foxglove atirma_foxglove_boat nlohmann_json::nlohmann_json)
