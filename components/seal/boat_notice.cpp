@@ -1,14 +1,12 @@
 #include <components/seal/boat_notice.hpp>
 
 #include <components/boat/layout.hpp>
-#include <components/seal/sealed_frame.hpp>
 
 namespace atirma::seal {
 
 ise::bytes encode_notice(const boat_notice& notice) {
     layout::writer out(notice_type, packet_header());
-    out.integer(notice.challenge);
-    out.integer(static_cast<std::uint8_t>((notice.known[0] ? 1 : 0) | (notice.known[1] ? 2 : 0)));
+    out.integer(notice.of);
     for (auto highest : notice.highest) out.integer(highest);
     return out.finish();
 }
@@ -17,10 +15,8 @@ ise::result<boat_notice> parse_notice(ise::bytes_view plain) {
     layout::reader in(plain);
     if (in.ok() && in.type != notice_type) in.fail("the packet is not a notice about the seal");
     boat_notice made;
-    made.challenge = in.integer<std::uint64_t>();
-    auto known = in.integer<std::uint8_t>();
-    if (in.ok() && known > 3) in.fail("a notice about the seal names an unknown lane");
-    made.known = {(known & 1) != 0, (known & 2) != 0};
+    made.of = in.integer<session>();
+    if (in.ok() && made.of == no_session) in.fail("a notice about the seal names no session");
     for (auto& highest : made.highest) {
         highest = in.integer<std::uint64_t>();
         if (in.ok() && highest > max_counter) in.fail("a notice about the seal names a counter above 2^40");

@@ -1,17 +1,12 @@
 #pragma once
-#include <ise/core/bytes.hpp>
-#include <ise/core/result.hpp>
-
-#include <array>
-#include <cstdint>
+#include <components/seal/sealed_frame.hpp>
 
 namespace atirma::seal {
 
-/// What the boat says of its memory of counters: after its start, and when it refuses a packet with a good tag.
+/// What the boat says of its counters: after a loss of memory, and when it refuses a sealed packet.
 struct boat_notice {
-    std::uint64_t challenge = 0;            ///< random, new at each start of the boat
-    std::array<bool, 2> known{};            ///< by lane; false: it obeys a resync only
-    std::array<std::uint64_t, 2> highest{}; ///< counter that it has accepted
+    session of = no_session;                ///< to be used for what is sent to it
+    std::array<std::uint64_t, 2> highest{}; ///< counter that it has accepted in this session, by lane; 0: none
     bool operator==(const boat_notice&) const = default;
 };
 

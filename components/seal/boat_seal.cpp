@@ -21,36 +21,34 @@ bool admit(boat_counters::of_lane& lane, std::uint64_t counter) {
     return true;
 }
 
-std::optional<std::uint64_t> challenge_in(const ise::bytes& content) {
-    if (content.size() != 8) return std::nullopt;
-    std::uint64_t value = 0;
-    for (std::size_t i = 0; i < 8; ++i) value |= std::to_integer<std::uint64_t>(content[i]) << (8 * i);
-    return value;
-}
-
 } // namespace
 
+boat_seal::boat_seal(radio_key key, std::optional<boat_counters> kept, std::uint64_t random, store keep)
+    : key_(std::move(key)), keep_(std::move(keep)), notice_due_(!kept || kept->of == no_session) {
+    if (!notice_due_) counters_ = *kept;
+    else counters_.of = random != no_session ? random : 1;
+}
+
 ise::result<ise::bytes> boat_seal::open(ise::bytes_view raw) {
-    auto frame = open_to_boat(key_, raw);
-    if (!frame) return frame.error();
-    auto next = counters_;
-    auto& lane = next.lanes[static_cast<std::size_t>(frame->lane)];
-    bool resync = frame->type == resync_type;
-    if (!lane.known) {
-        if (!resync || challenge_in(frame->content) != challenge_) {
-            notice_due_ = true;
+    auto frame = open_to_boat(key_, counters_.of, raw);
+    if (!frame) {
+        if (is_sealed(raw) && epoch_of(raw) == key_.epoch) notice_due_ = true;
+        if (open_to_boat(key_, no_session, raw))
             return ise::failure(ise::errc::refused,
-                                "the boat has lost its memory of counters: it obeys a resync over its notice only");
-        }
-        // Everything up to this counter counts as seen: it was sealed before.
-        lane = {.known = true, .highest = frame->counter, .seen = ~std::uint64_t{0}};
-    } else if (!admit(lane, frame->counter)) {
+                                "the shore does not know the session of the boat's counters: a notice tells it");
+        return frame.error();
+    }
+    auto next = counters_;
+    if (!admit(next.lanes[static_cast<std::size_t>(frame->lane)], frame->counter)) {
         notice_due_ = true;
         return ise::failure(ise::errc::refused, "a sealed packet was repeated, or is too old");
     }
     if (auto kept = keep_(next); !kept) return kept.error();
     counters_ = next;
-    if (resync) return ise::bytes();
+    if (frame->type == ask_type) {
+        notice_due_ = true;
+        return ise::bytes();
+    }
     ise::bytes plain{static_cast<std::byte>(layout::version), static_cast<std::byte>(frame->type)};
     plain.insert(plain.end(), frame->content.begin(), frame->content.end());
     auto checksum = layout::crc16(plain);
@@ -61,11 +59,8 @@ ise::result<ise::bytes> boat_seal::open(ise::bytes_view raw) {
 
 ise::bytes boat_seal::notice() const {
     boat_notice made;
-    made.challenge = challenge_;
-    for (std::size_t i = 0; i < 2; ++i) {
-        made.known[i] = counters_.lanes[i].known;
-        made.highest[i] = counters_.lanes[i].highest;
-    }
+    made.of = counters_.of;
+    for (std::size_t i = 0; i < made.highest.size(); ++i) made.highest[i] = counters_.lanes[i].highest;
     return seal(encode_notice(made));
 }
 

@@ -36,8 +36,8 @@ digest derived(const radio_key& key, std::string_view purpose) {
     return hmac(key.secret, ise::as_bytes(label));
 }
 
-tag_bytes tag_of(const radio_key& key, std::string_view direction, ise::bytes_view data) {
-    auto secret = derived(key, direction);
+tag_bytes tag_of(const radio_key& key, std::string_view purpose, ise::bytes_view data) {
+    auto secret = derived(key, purpose);
     auto full = hmac(secret, data);
     tag_bytes out;
     std::copy_n(full.begin(), tag_size, out.begin());
@@ -45,16 +45,19 @@ tag_bytes tag_of(const radio_key& key, std::string_view direction, ise::bytes_vi
     return out;
 }
 
+std::string for_session(std::string_view purpose, session of) { return fmt::format("{}|{:016x}", purpose, of); }
+
 bool equal(ise::bytes_view a, ise::bytes_view b) {
     return a.size() == b.size() && CRYPTO_memcmp(a.data(), b.data(), a.size()) == 0;
 }
 
 // AES-128 in counter mode. It starts at the tag and the counter of the packet: no two packets share it.
-void crypt(const radio_key& key, const tag_bytes& tag, ise::bytes_view header, std::span<std::byte> content) {
+void crypt(const radio_key& key, session of, const tag_bytes& tag, ise::bytes_view header,
+           std::span<std::byte> content) {
     std::array<std::byte, 16> start{};
     std::copy(tag.begin(), tag.end(), start.begin());
     std::copy(header.begin() + 1, header.end(), start.begin() + tag_size); // type and counter; then the block
-    auto secret = derived(key, "to the boat, encryption");
+    auto secret = derived(key, for_session("to the boat, encryption", of));
     std::unique_ptr<EVP_CIPHER_CTX, decltype(&EVP_CIPHER_CTX_free)> cipher(EVP_CIPHER_CTX_new(), EVP_CIPHER_CTX_free);
     auto* bytes = reinterpret_cast<unsigned char*>(content.data());
     int size = 0;
@@ -72,7 +75,7 @@ ise::result<void> check_form(const radio_key& key, ise::bytes_view raw, std::siz
     if (raw.size() < shortest)
         return ise::failure(ise::errc::malformed,
                             fmt::format("a sealed packet of {} bytes; the shortest has {}", raw.size(), shortest));
-    auto epoch = static_cast<std::uint8_t>(std::to_integer<std::uint8_t>(raw[0]) & max_epoch);
+    auto epoch = epoch_of(raw);
     if (epoch != key.epoch)
         return ise::failure(ise::errc::refused,
                             fmt::format("the packet is sealed under key epoch {}, not {}", epoch, key.epoch));
@@ -98,26 +101,30 @@ bool is_sealed(ise::bytes_view raw) noexcept {
     return !raw.empty() && (std::to_integer<std::uint8_t>(raw[0]) & sealed_bit) != 0;
 }
 
-ise::bytes seal_to_boat(const radio_key& key, const to_boat_frame& frame) {
+std::uint8_t epoch_of(ise::bytes_view raw) noexcept {
+    return raw.empty() ? std::uint8_t{0} : static_cast<std::uint8_t>(std::to_integer<std::uint8_t>(raw[0]) & max_epoch);
+}
+
+ise::bytes seal_to_boat(const radio_key& key, session of, const to_boat_frame& frame) {
     ise::bytes out{first_byte(key, frame.lane == lane::secondary), static_cast<std::byte>(frame.type)};
     for (std::size_t i = 0; i < counter_size; ++i)
         out.push_back(static_cast<std::byte>(frame.counter >> (8 * i) & 0xFF));
     out.insert(out.end(), frame.content.begin(), frame.content.end());
-    auto tag = tag_of(key, "to the boat, tag", out);
+    auto tag = tag_of(key, for_session("to the boat, tag", of), out);
     std::span all(out);
-    crypt(key, tag, all.first(to_boat_header), all.subspan(to_boat_header));
+    crypt(key, of, tag, all.first(to_boat_header), all.subspan(to_boat_header));
     out.insert(out.end(), tag.begin(), tag.end());
     return out;
 }
 
-ise::result<to_boat_frame> open_to_boat(const radio_key& key, ise::bytes_view raw) {
+ise::result<to_boat_frame> open_to_boat(const radio_key& key, session of, ise::bytes_view raw) {
     if (auto good = check_form(key, raw, to_boat_header + tag_size); !good) return good.error();
     tag_bytes tag;
     std::copy(raw.end() - tag_size, raw.end(), tag.begin());
     ise::bytes opened(raw.begin(), raw.end() - tag_size);
     std::span all(opened);
-    crypt(key, tag, all.first(to_boat_header), all.subspan(to_boat_header));
-    if (!equal(tag_of(key, "to the boat, tag", opened), tag)) return wrong_tag();
+    crypt(key, of, tag, all.first(to_boat_header), all.subspan(to_boat_header));
+    if (!equal(tag_of(key, for_session("to the boat, tag", of), opened), tag)) return wrong_tag();
     to_boat_frame made;
     made.lane = (std::to_integer<std::uint8_t>(raw[0]) & lane_bit) != 0 ? lane::secondary : lane::primary;
     made.type = std::to_integer<std::uint8_t>(raw[1]);

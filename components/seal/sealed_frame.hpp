@@ -17,8 +17,13 @@ inline constexpr std::uint8_t max_epoch = 63; ///< of a key
 /// Of a node: each has counters of its own.
 enum class lane : std::uint8_t { primary = 0, secondary = 1 };
 
-/// The types that exist only sealed.
-enum : std::uint8_t { resync_type = 0x46, notice_type = 0x48 };
+/// The types that exist only sealed: a question for the boat's notice, and the notice.
+enum : std::uint8_t { ask_type = 0x46, notice_type = 0x48 };
+
+/// What a packet to the boat is bound to: the random number that the boat drew when it last began to count. A packet
+/// that was sealed for another one fails, also if all counters are lost.
+using session = std::uint64_t;
+inline constexpr session no_session = 0; ///< the shore does not know it; the boat draws another one
 
 /// The radio's key, and the boat that it is for.
 struct radio_key {
@@ -39,8 +44,10 @@ std::string fingerprint(const radio_key& key);
 
 /// Whether a packet has the form of a sealed one, from its first byte alone.
 bool is_sealed(ise::bytes_view raw) noexcept;
+/// Of the key of a sealed packet.
+std::uint8_t epoch_of(ise::bytes_view raw) noexcept;
 
-/// A packet to the boat: `counter` differs for each one of a key and lane. The content is encrypted.
+/// A packet to the boat: `counter` differs for each one of a session and lane. The content is encrypted.
 struct to_boat_frame {
     std::uint8_t type = 0;
     seal::lane lane = lane::primary;
@@ -49,9 +56,9 @@ struct to_boat_frame {
 };
 
 /// Adds 15 bytes to the content: version, type, counter and tag.
-ise::bytes seal_to_boat(const radio_key& key, const to_boat_frame& frame);
-/// Errors: malformed (too short, not sealed), refused (another epoch; the tag is wrong).
-ise::result<to_boat_frame> open_to_boat(const radio_key& key, ise::bytes_view raw);
+ise::bytes seal_to_boat(const radio_key& key, session of, const to_boat_frame& frame);
+/// Errors: malformed (too short), refused (not sealed, another epoch, the tag is wrong).
+ise::result<to_boat_frame> open_to_boat(const radio_key& key, session of, ise::bytes_view raw);
 
 /// A plain packet of the boat with the tag in place of its checksum: 6 bytes longer. It can be read without the key.
 ise::bytes seal_from_boat(const radio_key& key, ise::bytes_view plain);

@@ -14,9 +14,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
     key.boat = "atirma";
     key.epoch = 1;
     boat_counters known;
-    known.lanes[0].known = true;
+    known.of = 9;
     boat_seal boat(key, known, 7, [](const boat_counters&) { return ise::result<void>(); });
-    shore_seal shore(key, lane::primary, 1, [](std::uint64_t) { return ise::result<void>(); });
+    shore_seal shore(key, lane::primary, {9, 1}, [](const shore_counters&) { return ise::result<void>(); });
     if (boat.open(raw) || shore.open(raw)) std::abort();
     if (auto notice = parse_notice(raw))
         if (parse_notice(encode_notice(*notice)).value() != *notice) std::abort();
@@ -25,7 +25,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
     if (raw.size() >= 16 && raw.size() <= 100) {
         auto sealed = shore.seal(raw).value();
         auto opened = boat.open(sealed);
-        if (raw[1] != std::byte{resync_type} && (!opened || opened->size() != raw.size())) std::abort();
+        if (raw[1] != std::byte{ask_type} && (!opened || opened->size() != raw.size())) std::abort();
         if (boat.open(sealed)) std::abort();
     }
     return 0;

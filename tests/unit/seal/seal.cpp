@@ -36,7 +36,7 @@ ise::bytes command(std::uint32_t id, boat_command what = commands::ping{}) {
 /// A disk whose operations fail on demand; a failed one may have written all the same.
 struct disk {
     std::optional<boat_counters> boat;
-    std::uint64_t shore = 1;
+    shore_counters shore;
     int fails_in = -1; ///< operations from now; -1: never
     bool writes_anyway = false;
 
@@ -49,10 +49,10 @@ struct disk {
             return {};
         };
     }
-    counter_source::store for_shore() {
-        return [this](std::uint64_t until) -> ise::result<void> {
+    shore_seal::store for_shore() {
+        return [this](const shore_counters& now) -> ise::result<void> {
             bool failed = fails();
-            if (!failed || writes_anyway) shore = until;
+            if (!failed || writes_anyway) shore = now;
             if (failed) return ise::failure(ise::errc::io_failed, "disk full");
             return {};
         };
@@ -61,14 +61,15 @@ struct disk {
 
 struct pair {
     disk at_boat, ashore;
-    shore_seal shore{a_key(), lane::primary, 1, ashore.for_shore()};
+    shore_seal shore{a_key(), lane::primary, {}, ashore.for_shore()};
     boat_seal boat{a_key(), std::nullopt, 77, at_boat.for_boat()};
 
     void resync() {
+        at_boat.boat = boat.counters(); // as the boat does at its start
         auto heard = shore.open(boat.notice());
         REQUIRE(heard);
         REQUIRE(heard->plain.empty());
-        REQUIRE(boat.open(heard->resync));
+        REQUIRE(boat.take_notice_due());
     }
 };
 
@@ -93,6 +94,7 @@ TEST_CASE("a sealed telecommand opens as the telecommand that was sealed; it is 
 
 TEST_CASE("the longest sealed acknowledgement has 97 bytes") {
     pair both;
+    both.resync();
     acknowledgement ack;
     ack.header.boot = 7;
     ack.id = 9;
@@ -104,7 +106,7 @@ TEST_CASE("the longest sealed acknowledgement has 97 bytes") {
     auto opened = both.shore.open(sealed);
     REQUIRE(opened);
     CHECK(opened->plain == plain);
-    CHECK(opened->resync.empty());
+    CHECK(opened->question.empty());
 }
 
 TEST_CASE("a sealed packet with any bit flipped, cut or extended is refused") {
@@ -148,19 +150,16 @@ TEST_CASE("unsealed, repeated, foreign, reflected packets and those of another e
     CHECK_FALSE(both.shore.open(sealed)); // reflected
     CHECK_FALSE(both.boat.open(both.boat.notice()));
     disk other;
-    shore_seal foreign(a_key("other"), lane::primary, 1000, other.for_shore());
-    shore_seal late(a_key("atirma", 1), lane::primary, 1000, other.for_shore());
-    shore_seal guessed(a_key("atirma", 0, 1), lane::primary, 1000, other.for_shore());
+    shore_seal foreign(a_key("other"), lane::primary, {both.ashore.shore.of, 1000}, other.for_shore());
+    shore_seal late(a_key("atirma", 1), lane::primary, {both.ashore.shore.of, 1000}, other.for_shore());
+    shore_seal guessed(a_key("atirma", 0, 1), lane::primary, {both.ashore.shore.of, 1000}, other.for_shore());
     CHECK_FALSE(both.boat.open(foreign.seal(plain).value()));
     CHECK_FALSE(both.boat.open(late.seal(plain).value()));
     CHECK_FALSE(both.boat.open(guessed.seal(plain).value()));
-    CHECK_FALSE(both.boat.take_notice_due()); // nobody without the key makes it send
-    shore_seal secondary(a_key(), lane::secondary, 1, other.for_shore());
-    CHECK_FALSE(both.boat.open(secondary.seal(plain).value())); // that lane had no resync
+    shore_seal secondary(a_key(), lane::secondary, {}, other.for_shore());
+    CHECK_FALSE(both.boat.open(secondary.seal(plain).value())); // it does not know the session
     CHECK(both.boat.take_notice_due());
-    auto heard = secondary.open(both.boat.notice());
-    REQUIRE(heard);
-    REQUIRE(both.boat.open(heard->resync));
+    REQUIRE(secondary.open(both.boat.notice()));
     CHECK(both.boat.open(secondary.seal(plain).value()));
     CHECK(both.boat.open(both.shore.seal(plain).value()));
 }
@@ -176,25 +175,64 @@ TEST_CASE("packets may overtake each other by less than the window, and each ope
     for (const auto& each : sealed) CHECK_FALSE(both.boat.open(each));
 }
 
-TEST_CASE("a boat without memory obeys only a resync over its own notice") {
+TEST_CASE("a boat without memory obeys only what is sealed for its new session") {
     pair both;
     both.resync();
     auto recorded = both.shore.seal(command(5)).value();
     auto old_notice = both.boat.notice();
     boat_seal anew(a_key(), std::nullopt, 78, both.at_boat.for_boat());
+    CHECK(anew.take_notice_due());
     CHECK_FALSE(anew.open(recorded));
-    disk other;
-    shore_seal fresh(a_key(), lane::primary, 1, other.for_shore());
-    boat_seal before(a_key(), std::nullopt, 77, other.for_boat());
-    auto to_before = fresh.open(before.notice());
-    REQUIRE(to_before);
-    CHECK_FALSE(anew.open(to_before->resync)); // over another start's notice
-    auto heard = both.shore.open(anew.notice());
-    REQUIRE(heard);
-    REQUIRE(anew.open(heard->resync));
-    CHECK_FALSE(anew.open(recorded)); // sealed before the resync
-    CHECK_FALSE(anew.open(heard->resync));
+    REQUIRE(both.shore.open(old_notice));
+    CHECK_FALSE(anew.open(both.shore.seal(command(6)).value()));
+    REQUIRE(both.shore.open(anew.notice()));
     CHECK(anew.open(both.shore.seal(command(6)).value()));
+    CHECK_FALSE(anew.open(recorded));
+    REQUIRE(both.shore.open(old_notice)); // somebody repeats it
+    CHECK_FALSE(anew.open(both.shore.seal(command(7)).value()));
+    REQUIRE(anew.take_notice_due());
+    REQUIRE(both.shore.open(anew.notice()));
+    CHECK(anew.open(both.shore.seal(command(7)).value()));
+}
+
+TEST_CASE("when boat and shore have both lost their counters, nothing that was recorded before is obeyed") {
+    pair both;
+    both.resync();
+    std::vector<ise::bytes> recorded;
+    for (std::uint32_t i = 0; i < 300; ++i) { // half of them never arrived
+        recorded.push_back(both.shore.seal(command(i)).value());
+        if (i % 2 == 0) REQUIRE(both.boat.open(recorded.back()));
+    }
+    auto old_notice = both.boat.notice();
+    boat_seal boat(a_key(), std::nullopt, 78, both.at_boat.for_boat());
+    disk empty;
+    shore_seal shore(a_key(), lane::primary, {}, empty.for_shore());
+    for (const auto& each : recorded) REQUIRE_FALSE(boat.open(each));
+    REQUIRE(shore.open(boat.notice()));
+    REQUIRE(boat.open(shore.seal(command(1000)).value()));
+    for (const auto& each : recorded) REQUIRE_FALSE(boat.open(each));
+    REQUIRE(shore.open(old_notice));
+    REQUIRE_FALSE(boat.open(shore.seal(command(1001)).value()));
+    for (const auto& each : recorded) REQUIRE_FALSE(boat.open(each));
+}
+
+TEST_CASE("a shore that does not know the boat's session asks once, and telemetry counts meanwhile") {
+    pair both;
+    acknowledgement ack;
+    ack.id = 9;
+    auto plain = encode_acknowledgement(ack);
+    both.boat.take_notice_due();
+    auto heard = both.shore.open(both.boat.seal(plain));
+    REQUIRE(heard);
+    CHECK(heard->plain == plain);
+    REQUIRE_FALSE(heard->question.empty());
+    CHECK_FALSE(both.boat.open(heard->question));
+    CHECK(both.boat.take_notice_due());
+    CHECK(both.shore.open(both.boat.seal(plain))->question.empty());
+    REQUIRE(both.shore.open(both.boat.notice()));
+    CHECK(both.boat.open(both.shore.seal(command(1)).value()));
+    CHECK(both.shore.read(both.boat.notice()).value().empty());
+    CHECK(both.shore.read(both.boat.seal(plain)).value() == plain);
 }
 
 TEST_CASE("a boat with memory refuses after a reboot what it accepted before") {
@@ -231,17 +269,17 @@ TEST_CASE("a node reserves counters before it uses them, and uses none twice") {
             ashore.writes_anyway = written;
             std::set<std::uint64_t> used;
             for (int life = 0; life < 4; ++life) {
-                counter_source source(ashore.shore, ashore.for_shore());
+                shore_seal node(a_key(), lane::primary, ashore.shore, ashore.for_shore());
                 if (life == 1) ashore.fails_in = fails_in;
                 for (int i = 0; i < 100; ++i)
-                    if (auto next = source.next()) REQUIRE(used.insert(*next).second);
+                    if (auto sealed = node.seal(command(1)))
+                        REQUIRE(used.insert(open_to_boat(a_key(), no_session, *sealed)->counter).second);
             }
         }
-    counter_source last(max_counter, [](std::uint64_t) { return ise::result<void>(); });
-    CHECK(last.next().value() == max_counter);
-    CHECK_FALSE(last.next());
-    last.skip(~std::uint64_t{0});
-    CHECK_FALSE(last.next());
+    disk ashore;
+    shore_seal last(a_key(), lane::primary, {no_session, max_counter}, ashore.for_shore());
+    CHECK(last.seal(command(1)));
+    CHECK_FALSE(last.seal(command(1)));
 }
 
 TEST_CASE("a node that has lost its counters continues above those that the boat has seen") {
@@ -249,14 +287,13 @@ TEST_CASE("a node that has lost its counters continues above those that the boat
     both.resync();
     for (int i = 0; i < 200; ++i) REQUIRE(both.boat.open(both.shore.seal(command(1)).value()));
     disk empty;
-    shore_seal again(a_key(), lane::primary, 1, empty.for_shore());
+    shore_seal again(a_key(), lane::primary, {}, empty.for_shore());
     CHECK_FALSE(both.boat.open(again.seal(command(2)).value()));
     REQUIRE(both.boat.take_notice_due());
     auto heard = again.open(both.boat.notice());
     REQUIRE(heard);
-    CHECK(heard->resync.empty());
     CHECK(both.boat.open(again.seal(command(2)).value()));
-    CHECK(empty.shore > 200);
+    CHECK(empty.shore.reserved > 200);
 }
 
 std::uint64_t from_environment(const char* name, std::uint64_t preset) {
@@ -273,14 +310,17 @@ TEST_CASE("with half of the frames lost, reboots and replays no command is execu
         std::array<disk, 2> ashore;
         std::optional<boat_seal> boat;
         std::array<std::optional<shore_seal>, 2> shore;
-        auto start_boat = [&] { boat.emplace(a_key(), at_boat.boat, random(), at_boat.for_boat()); };
+        auto start_boat = [&] {
+            boat.emplace(a_key(), at_boat.boat, random(), at_boat.for_boat());
+            if (!at_boat.boat && chance(80)) at_boat.boat = boat->counters();
+        };
         auto start_shore = [&](std::size_t i) {
             shore[i].emplace(a_key(), static_cast<lane>(i), ashore[i].shore, ashore[i].for_shore());
         };
         start_boat();
         start_shore(0);
         start_shore(1);
-        std::vector<ise::bytes> recorded;
+        std::vector<ise::bytes> recorded, notices;
         std::set<std::uint32_t> executed;
         std::uint32_t id = 0;
         auto to_boat = [&](const ise::bytes& raw) {
@@ -298,10 +338,8 @@ TEST_CASE("with half of the frames lost, reboots and replays no command is execu
             }
             if (!boat->take_notice_due()) return;
             if (chance(loss)) return;
-            auto heard = shore[i]->open(boat->notice());
-            if (!heard || heard->resync.empty()) return;
-            recorded.push_back(heard->resync);
-            if (!chance(loss)) to_boat(heard->resync);
+            notices.push_back(boat->notice());
+            (void)shore[i]->open(notices.back());
         };
         for (std::uint64_t n = 0; n < frames; ++n) {
             auto i = random() % 2;
@@ -310,7 +348,7 @@ TEST_CASE("with half of the frames lost, reboots and replays no command is execu
                 start_boat();
             }
             if (chance(2)) {
-                if (chance(30)) ashore[i].shore = 1 + (n + 1) * 256; // by the clock, as shore_link begins
+                if (chance(30)) ashore[i].shore = {};
                 start_shore(i);
             }
             if (chance(2)) {
@@ -318,6 +356,17 @@ TEST_CASE("with half of the frames lost, reboots and replays no command is execu
                 broken.fails_in = static_cast<int>(random() % 3);
                 broken.writes_anyway = chance(50);
             }
+            if (chance(1)) { // all lose everything, and all that was ever sent comes again
+                at_boat.boat.reset();
+                ashore[0].shore = ashore[1].shore = {};
+                start_boat();
+                start_shore(0);
+                start_shore(1);
+                auto before = executed.size();
+                for (const auto& each : recorded) to_boat(each);
+                REQUIRE(executed.size() == before);
+            }
+            if (chance(3) && !notices.empty()) (void)shore[i]->open(notices[random() % notices.size()]);
             step(i, 50);
             if (!recorded.empty()) {
                 auto forged = recorded[random() % recorded.size()];
@@ -330,7 +379,7 @@ TEST_CASE("with half of the frames lost, reboots and replays no command is execu
         }
         at_boat.fails_in = ashore[0].fails_in = ashore[1].fails_in = -1;
         for (std::size_t i = 0; i < 2; ++i) {
-            step(i, 0); // the first may find a lost memory; one resync later all is well
+            step(i, 0); // the first may find a lost memory; one notice later all is well
             step(i, 0);
             auto before = executed.size();
             step(i, 0);
