@@ -1,4 +1,4 @@
-#include "sea.hpp"
+#include "gprs_sea.hpp"
 
 #include <components/seal/boat_notice.hpp>
 #include <components/seal/shore_seal.hpp>
@@ -167,4 +167,29 @@ TEST_CASE("atirma: a boat with a key refuses injected and recorded packets, also
     CHECK(obeyed.front() == 3);
     CHECK(std::ranges::none_of(obeyed, [](auto id) { return id == 1 || id == 2 || id == 5; }));
     CHECK(plain == 0);
+}
+
+TEST_CASE("atirma gprs: over a sealed call telemetry arrives and the boat obeys, unsealed it does not") {
+    for (const auto& protocol : {std::string("tcp"), std::string("udp")})
+        for (const auto& ashore : {key_text(), std::string(), key_text(1)}) {
+            INFO(protocol << " " << ashore.size());
+            gprs_sea it(protocol);
+            it.world.host("boat").write_file("radio.key", key_text());
+            it.world.host("shore").write_file("gprs.key", ashore);
+            it.boat_options.radio_key_file = "radio.key";
+            if (!ashore.empty()) it.gprs_options.radio_key_file = "gprs.key";
+            it.boat_process().restart();
+            it.gprs_process().restart();
+            auto& seen = it.watch_gprs();
+            gprs_sea::asked answer;
+            REQUIRE(it.until([&] { return seen.state.has_value(); }));
+            it.world.run_for(20s);
+            it.command(set_mode(7, sailing_mode::hold), 30s, answer);
+            REQUIRE(it.until([&] { return answer.has_value(); }));
+            bool same = ashore == key_text();
+            bool obeyed = *answer && (*answer)->state == telecommand_stage::acknowledged;
+            CHECK(obeyed == same);
+            CHECK((it.boat().pilot().mode() == sailing_mode::hold) == same);
+            CHECK(seen.telemetry.empty() == !same);
+        }
 }
