@@ -1,4 +1,5 @@
 #include "hosting.hpp"
+#include "radio_key.hpp"
 
 #include <components/boat/recall.hpp>
 #include <components/gprs_link/gprs_link_emulator.hpp>
@@ -29,6 +30,7 @@ component_type gprs_proxy_type(const std::function<void(const std::string&)>& an
     set.add("boat-id", options->shore.boat_id, "the boat's id; other logins are refused");
     set.add("store", options->store_at,
             "store that must have telemetry before the boat is acknowledged: atirma/communication");
+    add_radio_key(set, options->radio_key_file, options->radio_secondary);
     set.add("max-strangers", options->shore.max_strangers, "connections without a login").range(1, 1024);
     type.provides(services::telemetry)
         .provides(services::telecommand)

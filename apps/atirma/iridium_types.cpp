@@ -1,5 +1,6 @@
 #include "iridium_types.hpp"
 #include "iridium_curl.hpp"
+#include "radio_key.hpp"
 
 #include <components/boat/recall.hpp>
 #include <components/iridium_gateway/iridium_gateway.hpp>
@@ -35,6 +36,7 @@ component_type proxy_type() {
         .kind(parameter_kind::path);
     set.add("store", options->store_at,
             "store that must have a message's telemetry: atirma/communication; empty: it waits for a subscriber");
+    add_radio_key(set, options->radio_key_file, options->radio_secondary);
     set.add("webhook", options->webhook, "endpoint for the gateway's posts, tcp://address:port; empty: none")
         .kind(parameter_kind::endpoint);
     set.add("webhook-path", options->webhook_path, "path of the web hook");

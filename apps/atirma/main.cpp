@@ -1,5 +1,6 @@
 // Hosts any of the components of A-Tirma in one process, or looks at a running system for a while.
 #include "hosting.hpp"
+#include "keys.hpp"
 #include "observer.hpp"
 
 #include <apps/program_options.hpp>
@@ -195,6 +196,20 @@ int obey(int count, char** words) {
     checks->footer("Exit codes: 0 the file is valid, 1 it is damaged or cannot be read, 2 wrong arguments.\n"
                    "Example: atirma store check /var/lib/atirma/node.db");
 
+    auto* keys = app.add_subcommand("keys", "the radio's key, which seals what boat and shore send");
+    keys->require_subcommand(1);
+    std::string boat = "atirma";
+    auto* new_key = keys->add_subcommand("new", "make a random key in a new file, readable by its owner only");
+    new_key->add_option("file", file, "the key file; copy it to the boat and to the shore")->required();
+    new_key->add_option("--boat", boat, "name of the boat: its key opens nothing of another boat")
+        ->capture_default_str();
+    new_key->footer("Exit codes: 0 made, 1 the file exists or cannot be written, 2 wrong arguments.\n"
+                    "Example: atirma keys new radio.key");
+    auto* show_key = keys->add_subcommand("show", "print boat, epoch and fingerprint of a key file, never the key");
+    show_key->add_option("file", file, "the key file")->required();
+    show_key->footer("Exit codes: 0 it is a key, 1 it is not or cannot be read, 2 wrong arguments.\n"
+                     "Example: atirma keys show radio.key");
+
     auto* decodes = app.add_subcommand(
         "decode", "reads lines of `ise echo NAME telemetry` and prints them with the fields of the boat's reports");
     decodes->footer(
@@ -234,6 +249,8 @@ int obey(int count, char** words) {
     try {
         if (checks->parsed()) return check_store(file);
         if (decodes->parsed()) return decode_input();
+        if (new_key->parsed()) return atirma::new_radio_key(file, boat);
+        if (show_key->parsed()) return atirma::show_radio_key(file);
         return observes->parsed() ? observe(common, observer) : run(common, wanted);
     } catch (const std::exception& why) {
         complain(why.what());

@@ -3,6 +3,7 @@
 #include "hosting.hpp"
 #include "iridium_types.hpp"
 #include "nmea_types.hpp"
+#include "radio_key.hpp"
 
 #include <components/boat/recall.hpp>
 #include <components/boat_simulator/boat_simulator.hpp>
@@ -65,6 +66,10 @@ component_type boat_simulator_type() {
     set.add("gprs-memory", options->uplink.capacity, "capacity of its memory for unacknowledged packets").range(1, 1e6);
     set.add("memory", options->memory_file, "file with its state over a loss of power (SQLite); empty: no memory")
         .kind(parameter_kind::path);
+    set.add("radio-key", options->radio_key_file,
+            "file of the radio's key (atirma keys new): the boat then refuses what is not sealed; empty: it obeys "
+            "everybody on its links")
+        .kind(parameter_kind::path);
     set.add("fence", options->fence_file, "GeoJSON file of the area that it does not leave; empty: none")
         .kind(parameter_kind::path);
     set.add("coast", options->keeps_off_coast, "turns back before the coast");
@@ -107,6 +112,7 @@ component_type xbee_proxy_type() {
     type.parameters.add(
         "store", options->store_at,
         "store that must have telemetry before the boat gets a receipt: atirma/communication; empty: no receipts");
+    add_radio_key(type.parameters, options->radio_key_file, options->radio_secondary);
     type.provides(services::telemetry)
         .provides(services::telecommand)
         .provides(services::telecommand_state)

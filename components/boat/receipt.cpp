@@ -12,12 +12,12 @@ static_assert(layout::header_size + 1 + max_receipt_bits + layout::checksum_size
 
 } // namespace
 
-ise::bytes encode_receipt(utc_time sent_at, std::set<packet_name>& packets) {
+ise::bytes encode_receipt(utc_time sent_at, std::set<packet_name>& packets, std::uint32_t span) {
     const auto [boot, first] = *packets.begin();
     std::vector<std::uint8_t> bits;
     while (!packets.empty()) {
         const auto [of, sequence] = *packets.begin();
-        if (of != boot || sequence - first >= telemetry_receipt::span) break;
+        if (of != boot || sequence - first >= span) break;
         bits.resize((sequence - first) / 8 + 1);
         bits.back() = static_cast<std::uint8_t>(bits.back() | 1u << (sequence - first) % 8);
         packets.erase(packets.begin());

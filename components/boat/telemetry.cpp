@@ -160,7 +160,9 @@ void read(reader& in, link_status& p) {
     p.last_heard_age_s = static_cast<float>(in.scaled<std::uint32_t>(0.1));
 }
 
-void write(writer& out, const notice& p) { out.text(p.text, notice::max_text); }
+// Fits one radio frame also with a tag in place of the checksum.
+constexpr std::size_t max_text_sent = 77;
+void write(writer& out, const notice& p) { out.text(p.text, max_text_sent); }
 void read(reader& in, notice& p) { p.text = in.text(notice::max_text); }
 
 template <class P>

@@ -103,6 +103,7 @@ void boat_simulator::make_boat() {
 }
 
 ise::task<> boat_simulator::run() {
+    open_seal();
     make_boat();
     started_ = now();
     heard_at_ = started_;
@@ -121,14 +122,21 @@ ise::task<> boat_simulator::run() {
     if (!options_.iridium.port.device.empty()) {
         iridium_ =
             std::make_unique<iridium_uplink>(on(), log(), options_.iridium, [this] { boat_->advance(model_now()); });
+        if (seal_) {
+            iridium_->seal = [this](ise::bytes raw) { return sealed(link_id::iridium, std::move(raw)); };
+            iridium_->open = [this](ise::bytes_view raw) { return opened(link_id::iridium, raw); };
+        }
         spawn("Iridium", iridium_->run(*boat_));
     }
     if (!options_.gprs.empty()) {
         gprs::port_options call;
         call.shore = ise::endpoint::parse(options_.gprs).value();
         call.link = options_.uplink;
+        if (seal_) call.link.seal = [this](ise::bytes raw) { return sealed(link_id::gprs, std::move(raw)); };
         uplink_ = std::make_unique<gprs::uplink_port>(on(), log(), std::move(call), boat_->boot());
-        uplink_->on_order = [this](const gprs::order& told) { heard(link_id::gprs, told.raw); };
+        uplink_->on_order = [this](const gprs::order& told) {
+            if (auto plain = opened(link_id::gprs, told.raw)) heard(link_id::gprs, *plain);
+        };
         for (auto& raw : std::exchange(not_acknowledged_, {})) uplink_->put(std::move(raw));
         spawn("uplink", uplink_->run());
     }
@@ -154,6 +162,7 @@ void boat_simulator::sail() {
     if (uplink_) boat_->set_link_status(uplink_status());
     if (iridium_) boat_->set_link_status(iridium_->status());
     boat_->advance(model_now());
+    send_notices();
     send();
     send_uplink();
     if (iridium_) iridium_->carry();
@@ -208,7 +217,7 @@ void boat_simulator::send() {
             if (memory_ && message) kept(memory_->put({message->header.boot, message->header.sequence}, raw));
             if (!goes) continue;
         }
-        auto taken = port_->send(options_.shore_address, raw, send_time);
+        auto taken = port_->send(options_.shore_address, sealed(link_id::xbee, raw), send_time);
         if (taken) continue;
         ++failed_;
         if (telemetry) backlog_->not_taken(raw);
@@ -238,10 +247,12 @@ void boat_simulator::on_radio_event(const xbee::client_event& event) {
         if (outcome->delivered) backlog_->on_radio_acknowledgement(now());
     } else if (const auto* packet = std::get_if<xbee::packet_received>(&event)) {
         if (!radio_on_ || packet->source != options_.shore_address) return;
+        auto plain = opened(link_id::xbee, packet->payload);
+        if (!plain) return;
         heard_at_ = now();
         if (auto asked = port_->local_at(xbee::at("DB"))) asked_rssi_ = *asked;
-        if (classify(packet->payload) == packet_class::receipt) on_receipt(packet->payload);
-        else heard(link_id::xbee, packet->payload);
+        if (classify(*plain) == packet_class::receipt) on_receipt(*plain);
+        else heard(link_id::xbee, *plain);
     } else if (const auto* answer = std::get_if<xbee::at_outcome>(&event); answer && answer->id == asked_rssi_) {
         asked_rssi_.reset();
         auto level = answer->status == xbee::at_status::ok ? xbee::at_number(answer->value) : std::nullopt;

@@ -6,9 +6,11 @@
 #include <components/boat_simulator/services.hpp>
 #include <components/boat_simulator/simulated_boat.hpp>
 #include <components/gprs/uplink_port.hpp>
+#include <components/seal_store/seal_store.hpp>
 #include <components/xbee/modem_port.hpp>
 
 #include <ise/component/component.hpp>
+#include <ise/core/log_limiter.hpp>
 
 #include <functional>
 #include <memory>
@@ -33,6 +35,9 @@ struct boat_simulator_options {
     double gprs_period_s = 5;    ///< of telemetry there, at the start; 0 is off
     /// File with its state over a loss of power (boat_memory.hpp): it then continues at its position. Empty: no memory.
     std::string memory_file;
+    /// File of the radio's key (seal_store.hpp): what the boat sends is sealed, and it refuses what is not. Empty: it
+    /// obeys everybody on its links.
+    std::string radio_key_file;
     std::string fence_file;      ///< GeoJSON (components/coast): the boat stays within it; empty: it has no fence
     bool keeps_off_coast = true; ///< it turns back before the coast of components/coast
     /// Error of the boat's clock, which GPS does not set then; 0: GPS sets it, and it is right.
@@ -75,6 +80,10 @@ private:
     void on_receipt(ise::bytes_view raw);
     void send_uplink();
     void heard(link_id link, ise::bytes_view raw);
+    void open_seal();
+    std::optional<ise::bytes> opened(link_id link, ise::bytes_view raw);
+    ise::bytes sealed(link_id link, ise::bytes raw) const;
+    void send_notices();
     void on_radio_event(const xbee::client_event& event);
     scene set_scene(const scene_request& request);
     ground_truth truth() const;
@@ -92,6 +101,8 @@ private:
     ise::time_point ask_duty_at_{};
     std::unique_ptr<iridium_uplink> iridium_;
     std::unique_ptr<gprs::uplink_port> uplink_;
+    std::unique_ptr<seal::boat_links> seal_; // empty: no key
+    ise::log_limiter quiet_;
     std::optional<boat_memory> memory_;
     bool memory_is_new_ = false; ///< its file was damaged and replaced
     std::string memory_trouble_;

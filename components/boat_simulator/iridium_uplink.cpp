@@ -27,12 +27,14 @@ void iridium_uplink::carry() {
     for (auto& raw : boat_->take_packets(link_id::iridium)) {
         bool answer = classify(raw) == packet_class::acknowledgement;
         auto& into = answer ? acknowledgements_ : telemetry_;
-        into.push_back(std::move(raw));
+        into.push_back(seal ? seal(std::move(raw)) : std::move(raw));
         if (answer && into.size() > max_acknowledgements && acknowledgements_in_hand_ == 0) into.pop_front();
         if (!answer && into.size() > max_telemetry) into.pop_front();
     }
     send();
 }
+
+void iridium_uplink::put_sealed(ise::bytes raw) { acknowledgements_.push_back(std::move(raw)); }
 
 void iridium_uplink::send() {
     if (!port_.ready() || port_.has_message()) return;
@@ -71,7 +73,12 @@ void iridium_uplink::on_event(const iridium::sbd_event& event) {
             return;
         }
         sail_();
-        for (const auto& raw : *packets) {
+        for (auto& raw : *packets) {
+            if (open) {
+                auto plain = open(raw);
+                if (!plain) continue; // it has logged why, or the packet was about the seal
+                raw = std::move(*plain);
+            }
             auto done = boat_->on_packet(link_id::iridium, raw);
             if (!done) {
                 log_.warning("a packet was refused", {{"cause", done.error().message()}});

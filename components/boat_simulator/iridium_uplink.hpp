@@ -7,6 +7,7 @@
 
 #include <deque>
 #include <functional>
+#include <optional>
 
 namespace atirma {
 
@@ -24,7 +25,14 @@ public:
     /// `sail` advances the boat's time before it receives a packet.
     iridium_uplink(ise::loop& on, ise::logger log, iridium_uplink_options options, std::function<void()> sail);
 
+    /// Of the packets that it sends; empty: they are sent as they are.
+    std::function<ise::bytes(ise::bytes)> seal;
+    /// Of the packets that it receives: nothing where one is refused. Empty: they are taken as they are.
+    std::function<std::optional<ise::bytes>(ise::bytes_view)> open;
+
     ise::task<> run(simulator::simulated_boat& boat);
+    /// A notice about the seal, sealed.
+    void put_sealed(ise::bytes raw);
     /// Takes the boat's packets for this link; called after each step of the boat.
     void carry();
     link_status status() const;

@@ -34,11 +34,19 @@ void uplink::put(ise::bytes raw) {
         auto ack = parse_acknowledgement(raw);
         if (!ack) return;
         if (outcomes_.size() >= max_outcomes) outcomes_.pop_front(); // the shore asks again
-        outcomes_.push_back(outcome{ack->id, static_cast<std::uint8_t>(ack->code), std::move(raw)});
+        outcomes_.push_back(outcome{ack->id, static_cast<std::uint8_t>(ack->code),
+                                    options_.seal ? options_.seal(std::move(raw)) : std::move(raw)});
         return;
     }
     auto message = parse_telemetry(raw);
     if (!message) return; // the boat makes no such packet
+    put_sealed(options_.seal ? options_.seal(std::move(raw)) : std::move(raw));
+    ring_.back().unix_s =
+        std::chrono::duration_cast<std::chrono::seconds>(message->header.measured_at.time_since_epoch()).count();
+    if (std::holds_alternative<location>(message->body)) fix_ = last_number();
+}
+
+void uplink::put_sealed(ise::bytes raw) {
     if (ring_.size() >= options_.capacity) {
         forget_first();
         ++counters_.dropped;
@@ -46,9 +54,6 @@ void uplink::put(ise::bytes raw) {
     }
     auto& made = ring_.emplace_back();
     made.raw = std::move(raw);
-    made.unix_s =
-        std::chrono::duration_cast<std::chrono::seconds>(message->header.measured_at.time_since_epoch()).count();
-    if (std::holds_alternative<location>(message->body)) fix_ = last_number();
 }
 
 void uplink::opened(ise::time_point now) {

@@ -4,11 +4,13 @@
 #include <ise/core/time.hpp>
 
 #include <deque>
+#include <functional>
 
 namespace atirma::gprs {
 
 struct uplink_options {
     std::string id = "atirma";                      ///< how the boat calls itself
+    std::function<ise::bytes(ise::bytes)> seal;     ///< of what goes to the shore; empty: it goes as it is
     std::uint64_t token = 0;                        ///< of this start of the program, drawn at random
     bool datagrams = false;                         ///< the way may lose and reorder, and its address may change
     std::size_t capacity = 8192;                    ///< packets without acknowledgement; beyond, the oldest is given up
@@ -43,6 +45,8 @@ public:
 
     /// A packet of the boat: telemetry is numbered and kept, an acknowledgement of a telecommand goes as its outcome.
     void put(ise::bytes raw);
+    /// A notice about the seal, sealed: kept and sent as telemetry is.
+    void put_sealed(ise::bytes raw);
 
     void opened(ise::time_point now);
     void closed();

@@ -34,6 +34,11 @@ void uplink_port::put(ise::bytes raw) {
     service();
 }
 
+void uplink_port::put_sealed(ise::bytes raw) {
+    link_.put_sealed(std::move(raw));
+    service();
+}
+
 ise::task<> uplink_port::run() {
     auto pause = options_.min_retry;
     for (;;) {

@@ -35,6 +35,7 @@ public:
     ise::task<> run();
 
     void put(ise::bytes raw);
+    void put_sealed(ise::bytes raw); ///< see uplink
     void set_period(ise::duration period) { link_.set_period(period); }
 
     bool connected() const noexcept { return link_.answered(); }

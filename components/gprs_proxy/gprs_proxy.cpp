@@ -7,6 +7,7 @@
 #include <components/boat/telecommand_service.hpp>
 #include <components/boat/telemetry_keeper.hpp>
 #include <components/gprs_proxy/listeners.hpp>
+#include <components/seal_store/seal_store.hpp>
 
 #include <ise/core/log_limiter.hpp>
 
@@ -37,6 +38,7 @@ struct gprs_proxy::link {
                                               }),
           more(self.on(), [this] { more.resume(asio::error::operation_aborted); }) {}
 
+    std::unique_ptr<seal::shore_link> seal; // empty: no key
     gprs::shore shore;
     listeners sockets;
     telecommand_service commands;
@@ -77,6 +79,17 @@ ise::task<> gprs_proxy::run() {
         options_.store = std::make_shared<remote_telemetry_store>(find_component(*this, options_.store_at));
     }
     link_ = std::make_unique<link>(*this, options_);
+    if (options_.radio_key_file.empty()) {
+        log().warning("the radio is not sealed: whoever can send on this link is taken for the boat (set radio-key)",
+                      {});
+    } else {
+        when_damaged damaged(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
+        link_->seal = std::move(seal::shore_link::open(env(), options_.radio_key_file, link_id::gprs,
+                                                       options_.radio_secondary, std::move(damaged))
+                                    .value());
+        log().info("the radio is sealed",
+                   {{"boat", link_->seal->key().boat}, {"key", seal::fingerprint(link_->seal->key())}});
+    }
     if (options_.store) link_->keeper.emplace(*this, options_.store, "the boat is not acknowledged");
     open_doors();
     provide_all();
@@ -174,12 +187,35 @@ void gprs_proxy::handle(const gprs::shore_event& event) {
     }
 }
 
+/// Nothing: not of the boat, or about the seal only.
+std::optional<ise::bytes> gprs_proxy::opened(const ise::bytes& raw) {
+    auto& l = *link_;
+    if (!l.seal) return raw;
+    auto got = l.seal->open(raw);
+    if (!got) {
+        ++l.counts.malformed;
+        if (auto left_out = l.strangers.admit(now()))
+            log().warning("a packet was dropped",
+                          {{"cause", got.error().message()}, {"not_told_before", std::to_string(*left_out)}});
+        return std::nullopt;
+    }
+    if (!got->question.empty()) {
+        gprs::order told;
+        told.raw = std::move(got->question);
+        l.shore.send(told); // if the boat has gone, its next notice is answered
+    }
+    if (got->plain.empty()) return std::nullopt;
+    return std::move(got->plain);
+}
+
 void gprs_proxy::on_record(const gprs::record_came& came) {
     auto& l = *link_;
     // Whatever it is, the boat need not send it again.
     l.numbers[came.life].push_back(came.number);
     l.more.resume({});
-    auto message = parse_telemetry(came.raw);
+    auto raw = opened(came.raw);
+    if (!raw) return;
+    auto message = parse_telemetry(*raw);
     if (!message) {
         ++l.counts.malformed;
         log().warning("a packet was dropped", {{"cause", message.error().message()}});
@@ -187,7 +223,7 @@ void gprs_proxy::on_record(const gprs::record_came& came) {
     }
     const auto& header = message->header;
     l.commands.tracker().on_heard(l.commands.now(), header);
-    if (!l.seen.first_time(header.boot, header.sequence, came.raw)) {
+    if (!l.seen.first_time(header.boot, header.sequence, *raw)) {
         ++l.counts.duplicates;
         return;
     }
@@ -198,7 +234,7 @@ void gprs_proxy::on_record(const gprs::record_came& came) {
     out.measured_at = header.measured_at;
     out.received_at = clock();
     out.history = came.history;
-    out.raw = came.raw;
+    out.raw = std::move(*raw);
     out.history = l.newest[came.life].is_history(out);
     if (l.newest.size() > options_.shore.max_boots) l.newest.erase(l.newest.begin());
     l.telemetry(out);
@@ -210,8 +246,10 @@ void gprs_proxy::on_record(const gprs::record_came& came) {
 void gprs_proxy::on_outcome(const gprs::outcome& told) {
     auto& l = *link_;
     acknowledgement ack;
-    if (!told.raw.empty()) {
-        auto whole = parse_acknowledgement(told.raw);
+    if (!told.raw.empty() || l.seal) {
+        auto raw = opened(told.raw);
+        if (!raw) return;
+        auto whole = parse_acknowledgement(*raw);
         if (!whole || whole->id != told.id) {
             ++l.counts.malformed;
             return;
@@ -250,6 +288,14 @@ bool gprs_proxy::give() {
         gprs::order told;
         told.id = due->id;
         told.raw = std::move(due->raw);
+        if (l.seal) { // each attempt anew: the boat accepts a counter once
+            auto sealed = l.seal->seal(told.raw);
+            if (!sealed) {
+                tracker.on_outcome(l.commands.now(), told.id, make_outcome(kind::later, sealed.error().message()));
+                continue;
+            }
+            told.raw = std::move(*sealed);
+        }
         bool sent = l.shore.send(told);
         if (sent) ++l.counts.telecommands_sent;
         tracker.on_outcome(l.commands.now(), told.id,

@@ -8,6 +8,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 
 namespace atirma {
 
@@ -21,6 +22,10 @@ struct gprs_proxy_options {
     std::shared_ptr<telemetry_store> store;
     /// Path or role of who keeps it instead of `store`: `atirma/communication`; empty: nobody.
     std::string store_at;
+    /// Key file (seal_store.hpp): telecommands are sealed, and what is not of the boat is dropped. Empty:
+    /// everybody on the link is believed.
+    std::string radio_key_file;
+    bool radio_secondary = false; ///< its counters are those of the secondary lane
     std::function<void(const std::vector<ise::endpoint>&)> on_listening; ///< on the component's loop
 };
 
@@ -42,6 +47,7 @@ private:
     /// Does what the shore decided, and looks when to come again.
     void act();
     void handle(const gprs::shore_event& event);
+    std::optional<ise::bytes> opened(const ise::bytes& raw);
     void on_record(const gprs::record_came& came);
     void on_outcome(const gprs::outcome& told);
     ise::task<> keep();

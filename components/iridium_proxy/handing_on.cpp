@@ -17,7 +17,10 @@ constexpr ise::duration mark_pause = 1s;
 void iridium_proxy::take_acknowledgements(const iridium::mo_message& message) {
     auto packets = iridium::unbundle(message.data);
     if (!packets) return; // hand_on() says so
-    for (const auto& raw : *packets) {
+    for (auto& came : *packets) {
+        auto plain = opened(std::move(came));
+        if (!plain || plain->empty()) continue; // hand_on() says so
+        const auto& raw = *plain;
         if (classify(raw) != packet_class::acknowledgement) {
             auto told = parse_telemetry(raw);
             if (told) state_->commands.tracker().on_heard(state_->commands.now(), told->header);
@@ -93,7 +96,14 @@ std::vector<telemetry_packet> iridium_proxy::hand_on(const iridium::mo_message& 
         dropped(packets.error().message());
         return all;
     }
-    for (auto& raw : *packets) {
+    for (auto& came : *packets) {
+        auto plain = read_sealed(std::move(came));
+        if (!plain) {
+            dropped(plain.error().message());
+            continue;
+        }
+        if (plain->empty()) continue; // about the seal
+        auto& raw = *plain;
         if (classify(raw) == packet_class::acknowledgement) continue; // was taken when it came
         auto parsed = parse_telemetry(raw);
         if (!parsed) {

@@ -96,6 +96,7 @@ ise::task<> iridium_proxy::run() {
     how.begun = [this](database&, const std::string&) { keep_what_is_open(); };
     state_ = std::make_unique<proxy_state>(*this, sbd_store::open(options_.database, std::move(how)).value(),
                                            sbd_policy(), [this] { hand_on(); });
+    open_seal();
     auto& s = *state_;
     s.clock_ahead = s.store.clock_ahead().value();
     s.commands.clock = [this] { return civil_tracker_time(queue_clock()); };

@@ -51,6 +51,11 @@ struct iridium_proxy_options {
     std::string mail_from;
     std::string mail_to = "data@sbd.iridium.com";
 
+    /// Key file (seal_store.hpp): telecommands are sealed, and what is not of the boat is dropped. Empty:
+    /// everybody on the link is believed.
+    std::string radio_key_file;
+    bool radio_secondary = false; ///< its counters are those of the secondary lane
+
     std::uint64_t daily_budget = 100; ///< credits a day (UTC) for telecommands; 0: unlimited
     std::uint32_t bytes_per_credit = 50;
     ise::duration account_period = std::chrono::seconds(5);
@@ -89,6 +94,10 @@ private:
     ise::result<void> accept(const iridium::mo_message& message, std::string_view path);
     void take_acknowledgements(const iridium::mo_message& message);
     void take_kept_acknowledgements();
+    void open_seal();
+    ise::result<ise::bytes> opened(ise::bytes raw);
+    ise::result<ise::bytes> read_sealed(ise::bytes raw) const;
+    ise::result<ise::bytes> sealed(const ise::bytes& raw);
     void hand_on();
     ise::task<> keep_messages();
     std::vector<telemetry_packet> hand_on(const iridium::mo_message& message, utc_time received_at);

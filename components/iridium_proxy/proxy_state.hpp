@@ -11,6 +11,7 @@
 #include <components/iridium_proxy/sbd_store.hpp>
 #include <components/iridium_proxy/services.hpp>
 #include <components/mail/mail.hpp>
+#include <components/seal_store/seal_store.hpp>
 
 #include <ise/component/component.hpp>
 #include <ise/core/log_limiter.hpp>
@@ -31,6 +32,7 @@ struct proxy_state {
           more(of.on(), [this] { more.resume(asio::error::operation_aborted); }),
           hand_on_soon(of.on(), std::move(hand_on)) {}
 
+    std::unique_ptr<seal::shore_link> seal; // empty: no key
     sbd_store store;
     telecommand_service commands;
     std::chrono::milliseconds clock_ahead = std::chrono::milliseconds::min(); // of the queue, of the steady clock

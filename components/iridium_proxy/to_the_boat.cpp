@@ -39,10 +39,13 @@ ise::task<> iridium_proxy::send_all() {
             continue;
         }
         link_outcome outcome;
+        auto raw = sealed(due->raw);
+        if (raw) due->raw = std::move(*raw);
         auto bytes = due->raw.size();
         auto credits = credits_of(bytes, options_.bytes_per_credit);
         // What it will cost is on disk before it is spent.
-        auto begun = s.store.begin_attempt(*tracker.find(due->id), at, bytes, credits);
+        auto begun = raw ? s.store.begin_attempt(*tracker.find(due->id), at, bytes, credits)
+                         : ise::result<void>(ise::failure(raw.error()));
         if (begun) {
             mt_message message;
             message.id = due->id;

@@ -6,7 +6,9 @@
 #include <components/boat/remote_telemetry_store.hpp>
 #include <components/boat/telecommand_service.hpp>
 #include <components/boat/telemetry_keeper.hpp>
+#include <components/seal_store/seal_store.hpp>
 
+#include <ise/core/log_limiter.hpp>
 #include <ise/core/waiter.hpp>
 
 #include <asio/error.hpp>
@@ -42,6 +44,8 @@ struct xbee_proxy::radio {
         }
     }
 
+    std::unique_ptr<seal::shore_link> seal; // empty: no key
+    ise::log_limiter quiet;
     xbee::modem_port port;
     local_modem modem;
     telecommand_service commands;
@@ -72,6 +76,17 @@ utc_time xbee_proxy::clock() const { return std::chrono::floor<std::chrono::mill
 
 ise::task<> xbee_proxy::run() {
     radio_ = std::make_unique<radio>(*this, options_);
+    if (options_.radio_key_file.empty()) {
+        log().warning("the radio is not sealed: whoever can send on this link is taken for the boat (set radio-key)",
+                      {});
+    } else {
+        when_damaged damaged(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
+        radio_->seal = std::move(seal::shore_link::open(env(), options_.radio_key_file, link_id::xbee,
+                                                        options_.radio_secondary, std::move(damaged))
+                                     .value());
+        log().info("the radio is sealed",
+                   {{"boat", radio_->seal->key().boat}, {"key", seal::fingerprint(radio_->seal->key())}});
+    }
     radio_->port.on_event = [this](const xbee::client_event& event) { on_radio_event(event); };
     provide_all();
     spawn("serial port", radio_->port.run());
@@ -115,7 +130,17 @@ ise::task<> xbee_proxy::give_receipts() {
         auto to = options_.boat_address != 0 ? options_.boat_address : r.heard_from;
         if (to == 0 || !r.port.modem_ready() || now() - r.heard_at >= boat_is_near) continue;
         for (int few = 0; few < 4 && !r.receipts.empty(); ++few) {
-            auto sent = r.port.send(to, encode_receipt(clock(), r.receipts), receipt_time);
+            auto span = r.seal ? telemetry_receipt::sealed_span : telemetry_receipt::span;
+            auto raw = encode_receipt(clock(), r.receipts, span);
+            if (r.seal) {
+                auto sealed = r.seal->seal(raw);
+                if (!sealed) {
+                    log().warning("a receipt is not sealed, and so not sent", {{"cause", sealed.error().message()}});
+                    break; // the boat sends the packets again
+                }
+                raw = std::move(*sealed);
+            }
+            auto sent = r.port.send(to, std::move(raw), receipt_time);
             if (sent) ++r.counts.receipts_sent;
         }
     }
@@ -148,6 +173,28 @@ void xbee_proxy::on_radio_event(const xbee::client_event& event) {
     if (!std::holds_alternative<xbee::at_outcome>(event)) radio_->commands.work();
 }
 
+/// Nothing: not of the boat, or about the seal only.
+std::optional<ise::bytes> xbee_proxy::opened(const xbee::packet_received& packet) {
+    auto& r = *radio_;
+    if (!r.seal) return packet.payload;
+    auto got = r.seal->open(packet.payload);
+    if (!got) {
+        ++r.counts.malformed;
+        if (auto left_out = r.quiet.admit(now()))
+            log().warning("a packet was refused",
+                          {{"cause", got.error().message()}, {"left_out", std::to_string(*left_out)}});
+        return std::nullopt;
+    }
+    r.heard_from = packet.source;
+    if (!got->question.empty()) {
+        auto sent = r.port.send(packet.source, std::move(got->question), options_.send_time);
+        if (!sent)
+            log().warning("the boat is not asked for the session of its counters", {{"cause", sent.error().message()}});
+    }
+    if (got->plain.empty()) return std::nullopt;
+    return std::move(got->plain);
+}
+
 void xbee_proxy::on_packet(const xbee::packet_received& packet) {
     auto& r = *radio_;
     if (options_.boat_address != 0 && packet.source != options_.boat_address) {
@@ -155,9 +202,11 @@ void xbee_proxy::on_packet(const xbee::packet_received& packet) {
         return;
     }
     ++r.counts.packets_received;
+    auto payload = opened(packet);
+    if (!payload) return;
     r.heard_at = now();
-    if (classify(packet.payload) == packet_class::acknowledgement) {
-        auto ack = parse_acknowledgement(packet.payload);
+    if (classify(*payload) == packet_class::acknowledgement) {
+        auto ack = parse_acknowledgement(*payload);
         if (!ack) {
             ++r.counts.malformed;
             return;
@@ -166,7 +215,7 @@ void xbee_proxy::on_packet(const xbee::packet_received& packet) {
         if (r.commands.tracker().on_acknowledgement(r.commands.now(), *ack)) ++r.counts.telecommands_acknowledged;
         return;
     }
-    auto message = parse_telemetry(packet.payload);
+    auto message = parse_telemetry(*payload);
     if (!message) {
         ++r.counts.malformed;
         log().debug("a packet was dropped", {{"cause", message.error().message()}});
@@ -176,7 +225,7 @@ void xbee_proxy::on_packet(const xbee::packet_received& packet) {
     r.commands.tracker().on_heard(r.commands.now(), message->header);
     packet_name name(message->header.boot, message->header.sequence);
     if (r.unkept.size() >= max_unkept) return; // without a receipt it comes again
-    if (!r.seen.first_time(name.first, name.second, packet.payload)) {
+    if (!r.seen.first_time(name.first, name.second, *payload)) {
         ++r.counts.duplicates;
         if (r.stored && !r.unsafe.contains(name) && r.receipts.size() < max_receipts) r.receipts.insert(name);
         return;
@@ -187,7 +236,7 @@ void xbee_proxy::on_packet(const xbee::packet_received& packet) {
     out.sequence = message->header.sequence;
     out.measured_at = message->header.measured_at;
     out.received_at = clock();
-    out.raw = packet.payload;
+    out.raw = *payload;
     if (r.unheard.size() >= max_unheard) {
         r.unheard.pop_front();
         if (!std::exchange(r.full, true))
@@ -225,6 +274,15 @@ void xbee_proxy::give() {
     auto to = options_.boat_address != 0 ? options_.boat_address : r.heard_from;
     while (auto due = tracker.next_due(r.commands.now())) {
         std::string trouble = "the boat's modem was not heard yet, and no --boat-address was given";
+        if (to != 0 && r.seal) { // each attempt anew: the boat accepts a counter once
+            auto sealed = r.seal->seal(due->raw);
+            if (!sealed) {
+                tracker.on_outcome(r.commands.now(), due->id,
+                                   make_outcome(link_outcome::kind::later, sealed.error().message()));
+                continue;
+            }
+            due->raw = std::move(*sealed);
+        }
         if (to != 0) {
             auto sent = r.port.send(to, std::move(due->raw), std::min(due->remaining, options_.send_time));
             if (sent) {

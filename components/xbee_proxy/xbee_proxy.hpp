@@ -7,6 +7,7 @@
 #include <ise/component/component.hpp>
 
 #include <memory>
+#include <optional>
 
 namespace atirma {
 
@@ -20,6 +21,10 @@ struct xbee_proxy_options {
     /// Path or role of the store that keeps telemetry before the boat gets a receipt: `atirma/communication`; empty: no
     /// receipts.
     std::string store_at;
+    /// Key file (seal_store.hpp): telecommands are sealed, and what is not of the boat is dropped. Empty:
+    /// everybody on the link is believed.
+    std::string radio_key_file;
+    bool radio_secondary = false; ///< its counters are those of the secondary lane
 };
 
 /// The boat over the XBee radio: what comes through the serial port of a modem is published, telecommands go the other
@@ -36,6 +41,7 @@ private:
     ise::task<> run() override;
     void provide_all();
     void on_radio_event(const xbee::client_event& event);
+    std::optional<ise::bytes> opened(const xbee::packet_received& packet);
     void on_packet(const xbee::packet_received& packet);
     void on_sent(const xbee::send_outcome& outcome);
     ise::task<> keep();

@@ -36,7 +36,8 @@ TEST_CASE("gprs proxy: telemetry arrives once, says which link it came by, and i
         CHECK(it.seen.state->connected_since);
         CHECK(it.seen.state->telemetry_published == 5);
         CHECK(it.seen.state->listening.size() == 2);
-        CHECK(it.warnings.empty());
+        REQUIRE(it.warnings.size() == 1); // it has no radio key
+        CHECK(it.warnings.front().find("not sealed") != std::string::npos);
     }
 }
 
