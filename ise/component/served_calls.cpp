@@ -17,8 +17,8 @@ void provide_served_calls(service_host& of) {
     auto core = make_publication(of, served_calls_service);
     of.services().add(core).value();
     of.on().common<call_taps>().watch(of, [held = std::weak_ptr<publication_core>(core)](tapped_call call) {
-        auto core = held.lock();
-        if (!core || core->subscribers() == 0) return;
+        auto still = held.lock();
+        if (!still || still->subscribers() == 0) return;
         served_call made;
         made.service = std::move(call.service);
         made.caller = std::move(call.caller);
@@ -28,7 +28,7 @@ void provide_served_calls(service_host& of) {
         made.message = std::move(call.message);
         made.request = std::move(call.request);
         made.response = std::move(call.response);
-        publication<std::remove_const_t<decltype(served_calls_service)>> out(core);
+        publication<std::remove_const_t<decltype(served_calls_service)>> out(still);
         out(made);
     });
 }

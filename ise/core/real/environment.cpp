@@ -61,18 +61,18 @@ struct loop_count {
 };
 
 // A place in the count.
-class counted {
+class counted_loop {
 public:
-    explicit counted(std::shared_ptr<loop_count> in) : in_(std::move(in)) {
+    explicit counted_loop(std::shared_ptr<loop_count> in) : in_(std::move(in)) {
         std::lock_guard lock(in_->mutex);
         ++in_->count;
     }
-    ~counted() {
+    ~counted_loop() {
         std::lock_guard lock(in_->mutex);
         if (--in_->count == 0) in_->none.notify_all();
     }
-    counted(const counted&) = delete;
-    counted& operator=(const counted&) = delete;
+    counted_loop(const counted_loop&) = delete;
+    counted_loop& operator=(const counted_loop&) = delete;
 
 private:
     std::shared_ptr<loop_count> in_;
@@ -180,7 +180,7 @@ std::optional<std::string> real_environment::variable(const std::string& name) c
 }
 
 std::unique_ptr<loop_host> real_environment::make_loop(const std::string& name) {
-    return std::make_unique<real::epoll_loop>(*this, name, std::make_shared<counted>(state_->loops),
+    return std::make_unique<real::epoll_loop>(*this, name, std::make_shared<counted_loop>(state_->loops),
                                               state_->poll_seats);
 }
 
