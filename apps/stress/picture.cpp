@@ -2,11 +2,15 @@
 #include "picture_parts.hpp"
 #include "report.hpp"
 
+#include <components/boat/enums.hpp>
 #include <components/boat_simulator/course.hpp>
 #include <components/coast/coast.hpp>
 #include <components/web_server/track_export.hpp>
 
+#include <algorithm>
+#include <string>
 #include <utility>
+#include <vector>
 
 namespace atirma::stress {
 namespace {
@@ -148,12 +152,18 @@ std::string make_picture(const account& of, const findings& found) {
 
 std::string make_gpx(const findings& found) {
     std::vector<track_point> track;
+    std::vector<std::string> links;
+    for (const auto& [name, value] : names_of<link_id>()) links.emplace_back(name);
+    report_rhythm rhythm;
     for (const auto& one : found.track) {
+        if (!one.history) rhythm.on_report(one.link, one.at);
         if (!track.empty() && track.back().at == one.at) continue; // told over another link as well
         auto& point = track.emplace_back();
         point.at = one.at;
         point.latitude_deg = one.latitude_deg;
         point.longitude_deg = one.longitude_deg;
+        auto known = std::ranges::find(links, name_of(one.link));
+        point.source = static_cast<std::uint32_t>(known - links.begin());
     }
     std::vector<track_waypoint> marks;
     for (const auto* name : {"T1", "T2"}) {
@@ -162,7 +172,7 @@ std::string make_gpx(const findings& found) {
         for (const auto& mark : course->marks)
             marks.push_back({mark.latitude_deg, mark.longitude_deg, fmt::format("{}.{}", name, ++number)});
     }
-    return to_gpx("A-Tirma", track, marks);
+    return to_gpx("A-Tirma", track, marks, links, rhythm);
 }
 
 } // namespace atirma::stress
