@@ -18,10 +18,9 @@ component_type gateway_type(std::string name, std::string path, gateway_options 
     auto& set = type.parameters;
     set.add("address", options->address, "numeric address to listen on").kind(parameter_kind::address);
     set.add("port", options->port, "port to listen on; 0: any free one").port_at("address");
-    set.add(
-        "origin", options->origins,
-        "origin of pages that may connect, such as https://viewer.example.org; *: any page. Foxglove's own and pages "
-        "of this host may in any case");
+    set.add("origin", options->origins,
+            "origin of pages that may connect, with its scheme; *: any page. Foxglove's own and pages "
+            "of this host may in any case");
     set.add("max-viewers", options->max_viewers, "viewers at once").range(1, 10000);
     set.add("show", options->paths, "components, each with those below it; none: all");
     set.add("only", options->services, "only these services");
@@ -32,7 +31,7 @@ component_type gateway_type(std::string name, std::string path, gateway_options 
     set.add("allow-parameters", options->allow_parameters, "viewers may set parameters");
     set.add("allow-publish", options->allow_publish, "viewers may publish messages");
     set.add("call-seconds", *deadline_s, "deadline of calls").range(0.1, 3600).unit("s");
-    set.add("assets", options->assets, "folder of files that viewers may fetch by package://PATH; empty: none")
+    set.add("assets", options->assets, "folder of files that viewers may fetch as assets; empty: none")
         .kind(parameter_kind::path);
     type.provides(status_service).provides(published_service);
     type.make = [options, deadline_s] {

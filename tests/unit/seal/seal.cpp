@@ -73,7 +73,7 @@ struct pair {
     }
 };
 
-TEST_CASE("a sealed telecommand opens as the telecommand that was sealed; it is encrypted and fits the radio") {
+TEST_CASE("a sealed telecommand opens as the telecommand that was sealed, is encrypted and fits the radio") {
     pair both;
     both.resync();
     std::size_t longest = 0;
