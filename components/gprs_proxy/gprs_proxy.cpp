@@ -79,17 +79,7 @@ ise::task<> gprs_proxy::run() {
         options_.store = std::make_shared<remote_telemetry_store>(find_component(*this, options_.store_at));
     }
     link_ = std::make_unique<link>(*this, options_);
-    if (options_.radio_key_file.empty()) {
-        log().warning("the radio is not sealed: whoever can send on this link is taken for the boat (set radio-key)",
-                      {});
-    } else {
-        when_damaged damaged(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
-        link_->seal = std::move(seal::shore_link::open(env(), options_.radio_key_file, link_id::gprs,
-                                                       options_.radio_secondary, std::move(damaged))
-                                    .value());
-        log().info("the radio is sealed",
-                   {{"boat", link_->seal->key().boat}, {"key", seal::fingerprint(link_->seal->key())}});
-    }
+    link_->seal = seal::shore_link::open_for(*this, options_.radio_key_file, link_id::gprs, options_.radio_secondary);
     if (options_.store) link_->keeper.emplace(*this, options_.store, "the boat is not acknowledged");
     open_doors();
     provide_all();

@@ -96,7 +96,8 @@ ise::task<> iridium_proxy::run() {
     how.begun = [this](database&, const std::string&) { keep_what_is_open(); };
     state_ = std::make_unique<proxy_state>(*this, sbd_store::open(options_.database, std::move(how)).value(),
                                            sbd_policy(), [this] { hand_on(); });
-    open_seal();
+    state_->seal =
+        seal::shore_link::open_for(*this, options_.radio_key_file, link_id::iridium, options_.radio_secondary);
     auto& s = *state_;
     s.clock_ahead = s.store.clock_ahead().value();
     s.commands.clock = [this] { return civil_tracker_time(queue_clock()); };

@@ -94,7 +94,6 @@ private:
     ise::result<void> accept(const iridium::mo_message& message, std::string_view path);
     void take_acknowledgements(const iridium::mo_message& message);
     void take_kept_acknowledgements();
-    void open_seal();
     ise::result<ise::bytes> opened(ise::bytes raw);
     ise::result<ise::bytes> read_sealed(ise::bytes raw) const;
     ise::result<ise::bytes> sealed(const ise::bytes& raw);

@@ -4,20 +4,6 @@
 
 namespace atirma {
 
-void iridium_proxy::open_seal() {
-    if (options_.radio_key_file.empty()) {
-        log().warning("the radio is not sealed: whoever can send on this link is taken for the boat (set radio-key)",
-                      {});
-        return;
-    }
-    when_damaged damaged(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
-    auto& s = *state_;
-    s.seal = std::move(seal::shore_link::open(env(), options_.radio_key_file, link_id::iridium,
-                                              options_.radio_secondary, std::move(damaged))
-                           .value());
-    log().info("the radio is sealed", {{"boat", s.seal->key().boat}, {"key", seal::fingerprint(s.seal->key())}});
-}
-
 /// The plain packet when it comes; empty for one about the seal only. A question for the boat is not worth a message: a
 /// telecommand asks as well.
 ise::result<ise::bytes> iridium_proxy::opened(ise::bytes raw) {

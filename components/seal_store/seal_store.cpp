@@ -125,4 +125,18 @@ ise::result<std::unique_ptr<shore_link>> shore_link::open(ise::environment& env,
     return made;
 }
 
+std::unique_ptr<shore_link> shore_link::open_for(ise::component& proxy, const std::string& key_file, link_id link,
+                                                 bool secondary) {
+    if (key_file.empty()) {
+        proxy.log().warning(
+            "the radio is not sealed: whoever can send on this link is taken for the boat (set radio-key)", {});
+        return nullptr;
+    }
+    when_damaged damaged(proxy.log(),
+                         [&proxy] { return std::chrono::floor<std::chrono::system_clock::duration>(proxy.wall()); });
+    auto made = std::move(open(proxy.env(), key_file, link, secondary, std::move(damaged)).value());
+    proxy.log().info("the radio is sealed", {{"boat", made->key().boat}, {"key", fingerprint(made->key())}});
+    return made;
+}
+
 } // namespace atirma::seal

@@ -4,6 +4,7 @@
 #include <components/seal/shore_seal.hpp>
 #include <components/storage/database.hpp>
 
+#include <ise/component/component.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/time.hpp>
 
@@ -53,6 +54,10 @@ public:
     static ise::result<std::unique_ptr<shore_link>> open(ise::environment& env, const std::string& key_file,
                                                          link_id link, bool secondary,
                                                          when_damaged how = when_damaged());
+    /// For a proxy, whose log says whether its link is sealed. Without a key file null: everybody on the link is
+    /// believed. Throws ise::error, as `open`. On the component's loop.
+    static std::unique_ptr<shore_link> open_for(ise::component& proxy, const std::string& key_file, link_id link,
+                                                bool secondary);
 
     /// See shore_seal.
     ise::result<ise::bytes> seal(ise::bytes_view plain) { return end_->seal(plain); }

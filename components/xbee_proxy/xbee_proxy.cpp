@@ -76,17 +76,7 @@ utc_time xbee_proxy::clock() const { return std::chrono::floor<std::chrono::mill
 
 ise::task<> xbee_proxy::run() {
     radio_ = std::make_unique<radio>(*this, options_);
-    if (options_.radio_key_file.empty()) {
-        log().warning("the radio is not sealed: whoever can send on this link is taken for the boat (set radio-key)",
-                      {});
-    } else {
-        when_damaged damaged(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
-        radio_->seal = std::move(seal::shore_link::open(env(), options_.radio_key_file, link_id::xbee,
-                                                        options_.radio_secondary, std::move(damaged))
-                                     .value());
-        log().info("the radio is sealed",
-                   {{"boat", radio_->seal->key().boat}, {"key", seal::fingerprint(radio_->seal->key())}});
-    }
+    radio_->seal = seal::shore_link::open_for(*this, options_.radio_key_file, link_id::xbee, options_.radio_secondary);
     radio_->port.on_event = [this](const xbee::client_event& event) { on_radio_event(event); };
     provide_all();
     spawn("serial port", radio_->port.run());
