@@ -88,8 +88,8 @@ await check('a live boat is shown with its values', async () => {
   assert.match(await text(desktop, '#next-distance'), /\d+ m|nm/);
   assert.match(await text(desktop, '#twd'), /from \d{3}°/);
   assert.match(await text(desktop, '#awa'), /port|starboard/);
-  assert.match(await text(desktop, '#mode'), /^Automatic$/);
-  assert.match(await text(desktop, '#head-mode'), /^Automatic$/);
+  assert.match(await text(desktop, '#mode'), /^Auto$/);
+  assert.match(await text(desktop, '#head-mode'), /^Auto$/);
   assert.match(await text(desktop, '#battery'), /83 % · 12\.7 V/);
   assert.match(await text(desktop, '#covered'), /nm/);
   assert.match(await text(desktop, '#elapsed'), /1 h/);

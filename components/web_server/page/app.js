@@ -132,7 +132,7 @@ function render() {
   } else if (fitted === 'no' && (store.opened || performance.now() > 3000)) map.open_sea();
   if (fitted !== 'once' && (fitted !== 'no' || store.opened)) map.settle();
   const target = s.waypoints?.points?.[s.waypoints.active];
-  map.show_boat({ fix: v.fix, heading: v.heading, course: v.course, speed: v.speed, wind_from: v.wind.true_direction_deg, target, past: v.past, stale: stale && !v.past });
+  map.show_boat({ fix: v.fix, heading: v.heading, course: v.course, speed: v.speed, wind_from: v.wind.true_direction_deg, target, past: v.past, time: shown_at, stale: stale && !v.past });
   const waypoints = JSON.stringify([s.waypoints?.points, s.waypoints?.active, u.preferences.lang]);
   if (waypoints !== drawn_waypoints) { drawn_waypoints = waypoints; map.show_waypoints(s.waypoints); }
   if (store.boat_id) map.show_fleet(store.fleet, store.boat_id, now);

@@ -19,7 +19,7 @@ const degrees_minutes = (value, positive, negative) => {
 const place = p => [p.latitude_deg, p.longitude_deg];
 
 export class BoatMap {
-  #map; #track = []; #by_link = []; #recent; #ahead; #rough = L.layerGroup(); #fleet = new Map(); #ends = L.layerGroup(); #boat; #course; #waypoints = L.layerGroup(); #leg; #circle; #spot; #graticule = L.layerGroup();
+  #map; #track = []; #by_link = []; #recent; #ahead; #rough = L.layerGroup(); #fleet = new Map(); #ends = L.layerGroup(); #boat; #course; #waypoints = L.layerGroup(); #leg; #circle; #spot; #time; #graticule = L.layerGroup();
   #placed = false; #moving = 0; #coast; #tiles = null; #drawn = null; #pixels = null; #points = [];
   follow = false;
 
@@ -222,10 +222,13 @@ export class BoatMap {
   }
 
   /// The boat as it was then: `fix` needs a place; the rest draws what is known.
-  show_boat({ fix, heading, course, speed, wind_from, target, past, stale }) {
+  show_boat({ fix, heading, course, speed, wind_from, target, past, time, stale }) {
     if (!this.#placed) return; // nothing is in view yet
     if (!fix) { this.#boat.remove(); this.#leg.setLatLngs([]); this.#course.setLatLngs([]); return; }
     const at = L.latLng(fix.latitude_deg, fix.longitude_deg);
+    // Somebody who goes to another time goes on seeing the boat; a view that a link or a hand chose stays.
+    const other_time = this.#time !== undefined && this.#time !== time;
+    this.#time = time;
     this.#boat.setLatLng(at).addTo(this.#map);
     const element = this.#boat.getElement(), picture = element.firstElementChild;
     element.classList.toggle('past', !!past);
@@ -246,7 +249,7 @@ export class BoatMap {
     if (known(fix.circular_error_m) && fix.circular_error_m > 30) this.#circle.setLatLng(at).setRadius(fix.circular_error_m).addTo(this.#map);
     else this.#circle.remove();
     if (this.follow && !past) this.#quietly(() => this.#map.panTo(at, { animate: true, duration: 0.4 }));
-    else if (past && !this.#map.getBounds().pad(-0.05).contains(at)) this.#quietly(() => this.#map.panTo(at));
+    else if (past && other_time && !this.#map.getBounds().pad(-0.05).contains(at)) this.#quietly(() => this.#map.panTo(at));
   }
 
   /// Everything in view. The first time there is something to see this happens by itself: of a position alone with its
