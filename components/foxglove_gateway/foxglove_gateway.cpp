@@ -10,7 +10,6 @@
 #include <ise/core/environment.hpp>
 #include <ise/core/log_limiter.hpp>
 #include <ise/core/readable.hpp>
-#include <ise/naming/services.hpp>
 #include <ise/service/action.hpp>
 #include <ise/service/dynamic.hpp>
 
@@ -108,13 +107,11 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
     };
     /// A component as it was described.
     struct known {
-        bool asking = false, again = false;
         std::map<std::string, std::string> services; // those that are shown: name, and what identifies its types
         std::map<std::string, std::vector<std::shared_ptr<source>>> sources;
         std::map<std::string, std::shared_ptr<callable>> callables;
         std::optional<component_info> about;
         bool has_parameters = false;
-        bool told = false; // that it cannot be asked
     };
 
     component& self;
@@ -143,15 +140,7 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
     std::size_t operations = 0;
     log_limiter quiet;
 
-    bool shows(const service_text& service) const {
-        if (!service.provided || contains(options.except, service.name)) return false;
-        if (!options.services.empty()) return contains(options.services, service.name);
-        return options.own_services || !service.name.starts_with("ise.");
-    }
-    bool shows(const std::string& path) const {
-        return options.paths.empty() ||
-               std::ranges::any_of(options.paths, [&](const auto& one) { return naming::lies_below(path, one); });
-    }
+    bool shows(const service_text& service) const { return options.has(service); }
 
     // The same channel has the same number when it comes again.
     std::uint32_t number_of(const std::string& what) {
@@ -308,83 +297,6 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
         components.erase(found);
         parameters.erase(path);
         advertise({}, {}, old_channels, old_services);
-    }
-
-    void on_names(const naming::name_events& news) {
-        std::set<std::string> present;
-        for (const auto& one : news.events) {
-            const auto& path = one.name.path;
-            if (!shows(path) || path == self.path()) continue;
-            if (one.what == naming::name_change::removed) {
-                forget(path);
-                continue;
-            }
-            present.insert(path);
-            ask(path);
-        }
-        if (!news.snapshot) return;
-        std::vector<std::string> old;
-        for (const auto& [path, about] : components)
-            if (!present.contains(path)) old.push_back(path);
-        for (const auto& path : old) forget(path);
-    }
-
-    void ask(const std::string& path) {
-        auto& of = components[path];
-        if (std::exchange(of.asking, true)) {
-            of.again = true;
-            return;
-        }
-        self.spawn("follow " + path, follow(shared_from_this(), path));
-    }
-
-    static task<> follow(std::shared_ptr<state> me, std::string path) {
-        auto who = me->self.at(path);
-        for (;;) {
-            describe_request question;
-            auto told = co_await who.try_call(describe_service, question, question_limit);
-            auto found = me->components.find(path);
-            if (found == me->components.end()) co_return; // it has gone
-            if (told) {
-                found->second.told = false;
-                me->learn(path, std::move(*told));
-                auto& of = me->components[path];
-                if (!std::exchange(of.again, false)) {
-                    of.asking = false;
-                    co_return;
-                }
-            } else {
-                if (!std::exchange(found->second.told, true))
-                    me->self.log().warning(fmt::format("'{}' is not shown yet: {}", path, told.error().message()));
-                co_await me->self.sleep(question_limit);
-                if (!me->components.contains(path)) co_return;
-            }
-        }
-    }
-
-    static task<> watch_names(std::shared_ptr<state> me) {
-        auto& self = me->self;
-        auto where = me->options.name_server.value_or(default_name_server());
-        auto told = self.env().variable("ISE_NAME_SERVER");
-        if (!me->options.name_server && told && !told->empty()) where = endpoint::parse(*told).value();
-        auto server = self.at(where, std::string(naming::server_path));
-        for (;;) {
-            subscriber<subscription<naming::name_events, naming::watch_request>> names;
-            bool subscribed = false;
-            try {
-                names = co_await server.subscribe(naming::watch, subscribe_options::lossless(1024));
-                subscribed = true;
-            } catch (const error& refused) {
-                if (refused.code() == errc::cancelled) throw;
-                me->note(fmt::format("names are not known: {}", refused.what()));
-            }
-            while (subscribed) {
-                auto packet = co_await names.next();
-                if (!packet) break;
-                me->on_names(*packet);
-            }
-            co_await self.sleep(tick_period);
-        }
     }
 
     // --- packets -----------------------------------------------------------------------------------------------------
@@ -1099,7 +1011,13 @@ task<> foxglove_gateway::run() {
     provide(status_service, [raw = held.get()](const status_request&) { return raw->status(); });
     if (options_.allow_publish) held->published = publish(published_service);
     held->listen();
-    spawn("names", state::watch_names(held));
+    system_news news;
+    news.described = [raw = held.get()](const std::string& path, component_info about) {
+        raw->learn(path, std::move(about));
+    };
+    news.gone = [raw = held.get()](const std::string& path) { raw->forget(path); };
+    news.trouble = [raw = held.get()](const std::string& what) { raw->note(what); };
+    system_watch watch(*this, options_, options_.name_server, std::move(news));
     if (env().is_virtual()) spawn("time", state::tell_time(held));
     for (;;) {
         co_await sleep(tick_period);

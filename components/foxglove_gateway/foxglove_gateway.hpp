@@ -5,6 +5,7 @@
 
 #include <ise/component/component.hpp>
 #include <ise/component/component_type.hpp>
+#include <ise/component/system_watch.hpp>
 #include <ise/core/endpoint.hpp>
 
 #include <cstdint>
@@ -17,17 +18,12 @@
 namespace ise::foxglove {
 
 /// What viewers see and may do. By default they look only, from this host.
-struct gateway_options {
+struct gateway_options : service_selection {
     std::string address = "127.0.0.1"; ///< numeric, to listen on
     std::uint16_t port = 8765;         ///< 0: the system chooses
     /// Origins of pages that may connect beside Foxglove's and those of this host; "*": any page. Programs send none.
     std::vector<std::string> origins;
     std::uint32_t max_viewers = 256; ///< at once
-
-    std::vector<std::string> paths;    ///< components, each with those below it; none: all
-    std::vector<std::string> services; ///< only these; none: all
-    std::vector<std::string> except;   ///< services that are left out
-    bool own_services = false;         ///< ISE's own, such as `ise.health`
 
     bool allow_calls = false;      ///< viewers call services
     bool allow_parameters = false; ///< viewers set parameters; they read them in any case

@@ -22,9 +22,7 @@ component_type gateway_type(std::string name, std::string path, gateway_options 
             "origin of pages that may connect, with its scheme; *: any page. Foxglove's own and pages "
             "of this host may in any case");
     set.add("max-viewers", options->max_viewers, "viewers at once").range(1, 10000);
-    set.add("show", options->paths, "components, each with those below it; none: all");
-    set.add("only", options->services, "only these services");
-    set.add("except", options->except, "services that are left out");
+    options->add_to(set);
     set.add("depth", options->viewer.depth, "messages of each channel that wait for a slow viewer; the newest are kept")
         .range(1, 10000);
     set.add("allow-calls", options->allow_calls, "viewers may call services");
