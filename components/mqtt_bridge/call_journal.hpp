@@ -1,0 +1,58 @@
+#pragma once
+#include <components/storage/database.hpp>
+
+#include <ise/core/result.hpp>
+#include <ise/core/time.hpp>
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <set>
+#include <string>
+
+namespace ise::mqtt {
+
+/// The answer to a request.
+struct call_outcome {
+    std::string code;      ///< "ok", or the name of an error
+    std::string execution; ///< of an error
+    std::string payload;
+};
+
+/// Which requests were begun and what they were answered, on disk, so that one that is delivered twice is executed once,
+/// also by another life of the process. Used on one loop; each call blocks while the disk works.
+class call_journal {
+public:
+    static constexpr std::int64_t max_calls = 100'000; ///< remembered; the oldest go
+
+    enum class state {
+        fresh,       ///< noted as begun: execute it, then call `end`
+        running,     ///< it is being executed
+        answered,    ///< `outcome` has the answer
+        interrupted, ///< an earlier life began it: it may have been executed
+        other,       ///< the same key was used for another request
+    };
+    struct finding {
+        state is = state::fresh;
+        call_outcome outcome;
+    };
+
+    /// `db` must outlive it. `life`: another number in each life of the process. `remember`: how long.
+    call_journal(atirma::database& db, std::uint64_t life, duration remember)
+        : db_(&db), life_(static_cast<std::int64_t>(life)), remember_(remember) {}
+
+    /// Notes a request on disk. Errors: those of the database; it must not be executed then.
+    result<finding> begin(const std::string& key, const std::string& topic, const std::string& request, wall_time now);
+    /// Notes the answer. After an error of the database the request counts as interrupted if it comes again.
+    result<void> end(const std::string& key, const call_outcome& outcome);
+    /// Forgets what is too old.
+    result<void> tidy(wall_time now);
+
+private:
+    atirma::database* db_;
+    std::int64_t life_;
+    duration remember_;
+    std::set<std::string> running_;
+};
+
+} // namespace ise::mqtt
