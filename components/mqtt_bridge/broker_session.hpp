@@ -60,7 +60,7 @@ public:
     virtual result<void> subscribe(const std::string& filter) = 0;
 };
 
-/// Connects and logs in. Errors: invalid_argument and unauthorized (files of the options), unreachable, timed_out,
+/// Connects and logs in. Errors: invalid_argument (the options, or a file that they name), unreachable, timed_out,
 /// unauthorized (by the broker), refused. Cancellation: terminal.
 using broker_connector = std::function<task<result<std::unique_ptr<broker_session>>>(
     component& self, broker_options options, session_events events)>;

@@ -166,8 +166,9 @@ public:
     result<void> subscribe(const std::string& filter) override {
         if (why_) return *why_;
         int token = 0;
-        int code = mosquitto_subscribe_v5(handle_.get(), &token, filter.c_str(), 1,
-                                          options_.version_5 ? MQTT_SUB_OPT_SEND_RETAIN_NEVER : 0, nullptr);
+        int code = mosquitto_subscribe_v5(
+            handle_.get(), &token, filter.c_str(), 1,
+            options_.version_5 ? MQTT_SUB_OPT_SEND_RETAIN_NEVER | MQTT_SUB_OPT_RETAIN_AS_PUBLISHED : 0, nullptr);
         want();
         if (code != MOSQ_ERR_SUCCESS)
             return failure(errc::refused, fmt::format("{}: no subscription to {}: {}", server_, filter, words(code)));
@@ -206,9 +207,7 @@ private:
         std::string password;
         if (!options_.password_file.empty()) {
             auto read = env.read_secret(options_.password_file, max_file);
-            if (!read)
-                return failure(read.error().code(),
-                               fmt::format("the password: {} (--password-file)", read.error().message()));
+            if (!read) return bad_option(fmt::format("the password: {} (--password-file)", read.error().message()));
             password = read->substr(0, read->find_first_of("\r\n"));
         }
         if (!options_.user.empty() || !password.empty())
@@ -237,6 +236,11 @@ private:
             h, [](mosquitto*, void* self, int token, int count, const int* granted, const mosquitto_property*) {
                 static_cast<mosquitto_session*>(self)->on_subscribed(token, count > 0 ? granted[0] : 0x80);
             });
+        mosquitto_log_callback_set(h, [](mosquitto*, void* self, int level, const char* text) {
+            std::string_view line(text);
+            if (level == MOSQ_LOG_ERR && line.starts_with("OpenSSL Error"))
+                static_cast<mosquitto_session*>(self)->tls_trouble_ = line.substr(line.rfind(':') + 1);
+        });
         mosquitto_message_v5_callback_set(
             h, [](mosquitto*, void* self, const mosquitto_message* what, const mosquitto_property* with) {
                 static_cast<mosquitto_session*>(self)->on_message(*what, with);
@@ -251,11 +255,10 @@ private:
             return bad_option("a certificate needs its key, and the other way round (--certificate, --key-file)");
         if (!options_.ca_file.empty())
             if (auto read = env.read_trusted(options_.ca_file, 1 << 20); !read)
-                return failure(read.error().code(),
-                               fmt::format("the authorities: {} (--ca-file)", read.error().message()));
+                return bad_option(fmt::format("the authorities: {} (--ca-file)", read.error().message()));
         if (!options_.key_file.empty())
             if (auto read = env.read_secret(options_.key_file, max_file); !read)
-                return failure(read.error().code(), fmt::format("the key: {} (--key-file)", read.error().message()));
+                return bad_option(fmt::format("the key: {} (--key-file)", read.error().message()));
         int code = MOSQ_ERR_SUCCESS;
         if (options_.ca_file.empty()) mosquitto_int_option(h, MOSQ_OPT_TLS_USE_OS_CERTS, 1);
         if (!options_.ca_file.empty() || !options_.certificate_file.empty())
@@ -318,14 +321,16 @@ private:
         after(mosquitto_loop_misc(handle_.get()));
     }
     void after(int code) {
-        if (code != MOSQ_ERR_SUCCESS && !why_) {
-            std::string why = code == MOSQ_ERR_ERRNO ? std::strerror(errno) : words(code);
-            if (code == MOSQ_ERR_TLS || (code == MOSQ_ERR_ERRNO && !accepted_ && options_.url.starts_with("mqtts")))
-                why += " (is the broker's certificate signed by --ca-file and made for this name, and does the broker "
-                       "accept --certificate?)";
-            close(failure(accepted_ ? errc::peer_lost : errc::unreachable, fmt::format("{}: {}", server_, why)));
-        }
+        if (code != MOSQ_ERR_SUCCESS && !why_) ended(code);
         want();
+    }
+    void ended(int code) {
+        std::string why = code == MOSQ_ERR_ERRNO ? std::strerror(errno) : words(code);
+        if (!tls_trouble_.empty() || code == MOSQ_ERR_TLS)
+            why += fmt::format(" ({}: is the broker's certificate signed by --ca-file and made for this name, and does "
+                               "it accept --certificate?)",
+                               tls_trouble_.empty() ? "TLS" : tls_trouble_);
+        close(failure(accepted_ ? errc::peer_lost : errc::unreachable, fmt::format("{}: {}", server_, why)));
     }
 
     void close(failure why) {
@@ -361,11 +366,9 @@ private:
     }
 
     void on_disconnect(int reason) {
-        std::string why = "the connection ended";
-        if (options_.version_5 && reason >= 0x80)
-            why = fmt::format("the broker ended it: {}", mosquitto_reason_string(reason));
-        else if (reason > 0 && reason < 0x80) why = words(reason);
-        close(failure(accepted_ ? errc::peer_lost : errc::unreachable, fmt::format("{}: {}", server_, why)));
+        if (!options_.version_5 || reason < 0x80) return ended(reason == 0 ? MOSQ_ERR_CONN_LOST : reason);
+        close(failure(accepted_ ? errc::peer_lost : errc::unreachable,
+                      fmt::format("{} ended the connection: {}", server_, mosquitto_reason_string(reason))));
     }
 
     void on_confirmed(int token, int reason, const mosquitto_property* with) {
@@ -411,11 +414,12 @@ private:
     broker_options options_;
     session_events events_;
     std::string host_, server_;
+    std::string tls_trouble_; // in OpenSSL's words
     std::uint16_t port_ = 0;
     int errno_ = 0;
     bool accepted_ = false, established_ = false;
-    std::optional<failure> why_; // it is over
-    std::map<int, std::string> filters_;
+    std::optional<failure> why_;         // it is over
+    std::map<int, std::string> filters_; // of subscriptions that are not confirmed
     waiter<std::error_code> wake_;
     timer misc_, later_;
     std::unique_ptr<mosquitto, destroy> handle_;

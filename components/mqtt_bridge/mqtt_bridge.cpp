@@ -32,7 +32,7 @@ namespace {
 
 constexpr duration tick = std::chrono::milliseconds(200); // what is older is on disk
 constexpr duration first_pause = std::chrono::seconds(1);
-constexpr duration most_pause = std::chrono::seconds(30);
+constexpr duration most_pause = std::chrono::seconds(10);
 constexpr duration steady =
     std::chrono::seconds(10); // a connection that lasted so long was none of a broker in trouble
 constexpr duration tidy_period = std::chrono::minutes(1);
@@ -312,11 +312,11 @@ struct mqtt_bridge::state : std::enable_shared_from_this<state> {
     static task<> feed(std::shared_ptr<state> me, std::shared_ptr<source> from) {
         auto who = me->self.at(from->path);
         auto terms = from->queued ? subscribe_options::lossless(subscription_depth) : subscribe_options::latest();
+        terms.last_value = !from->queued; // an earlier life may have sent it
         duration pause = first_pause;
         bool before = false;
         while (!from->withdrawn) {
             auto request = default_packet(from->contract.packet(role::subscribe_request));
-            terms.last_value = !from->queued || !before; // it was sent already, perhaps
             auto made = co_await subscribe_dynamic(who, from->contract, std::move(request), terms);
             if (from->withdrawn) break;
             std::string problem;

@@ -1,0 +1,1 @@
+target_link_libraries(unit_mqtt PRIVATE ise_mqtt nlohmann_json::nlohmann_json)
