@@ -23,7 +23,7 @@ struct mark {
 };
 inline constexpr ise::request_response<amount, counted> count_up{"count_up"};
 inline constexpr ise::subscription<mark> marks{"marks"};  // each counts
-inline constexpr ise::subscription<mark> newest{"state"};  // the latest counts
+inline constexpr ise::subscription<mark> newest{"state"}; // the latest counts
 inline constexpr ise::subscription<mark> secret{"secret"};
 
 struct turns {
@@ -93,8 +93,7 @@ private:
             try {
                 gusts = co_await bridge.subscribe(weather);
                 there = true;
-            } catch (const ise::error&) {
-            }
+            } catch (const ise::error&) {}
             while (there) {
                 auto one = co_await gusts.next();
                 if (!one) break;

@@ -184,7 +184,7 @@ TEST_CASE("queue: what can be read of a damaged file is sent, and the queue goes
     while (const auto* one = queue.next()) {
         sent.push_back(std::stoi(one->what.payload));
         queue.done(one->what.number);
-        REQUIRE(queue.store(later));
+        if (sent.size() % 100 == 0) REQUIRE(queue.store(later));
     }
     CHECK(sent.size() > 500);
     CHECK(std::is_sorted(sent.begin(), sent.end()));
