@@ -48,8 +48,9 @@ struct session_events {
     std::function<void(const failure& why)> closed; ///< once, the last one
 };
 
-/// One connection to a broker, with a clean session: what is not confirmed when it ends has to be sent again. To destroy
-/// it closes the connection without a farewell, so that the broker publishes the will. Used on its component's loop.
+/// One connection to a broker, with a clean session: what is not confirmed when it ends has to be sent again. Its
+/// destructor closes the connection without a farewell, so that the broker publishes the will. Used on its component's
+/// loop.
 class broker_session {
 public:
     virtual ~broker_session() = default;

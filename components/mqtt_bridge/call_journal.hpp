@@ -19,8 +19,8 @@ struct call_outcome {
     std::string payload;
 };
 
-/// Which requests were begun and what they were answered, on disk, so that one that is delivered twice is executed once,
-/// also by another life of the process. Used on one loop; each call blocks while the disk works.
+/// Which requests were begun and how they were answered, on disk, so that a request that is delivered twice is executed
+/// once, also by another life of the process. Used on one loop; each call blocks while the disk works.
 class call_journal {
 public:
     static constexpr std::int64_t max_calls = 100'000; ///< remembered; the oldest go

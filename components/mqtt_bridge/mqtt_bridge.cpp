@@ -41,7 +41,8 @@ constexpr std::uint32_t subscription_depth = 1024;          // packets between a
 constexpr std::size_t max_topics = 4096;
 constexpr std::size_t max_message_bytes = std::size_t{4} << 20;
 constexpr std::size_t max_calls_at_once = 256;
-constexpr std::size_t max_answers = 1024; // that wait for the broker
+constexpr std::size_t max_answers = 1024;               // that wait for the broker
+constexpr std::size_t max_unconfirmed = 2 * max_topics; // messages; answers wait then
 constexpr std::size_t min_correlation = 8, max_correlation = 256;
 
 bool is_one_of(const std::vector<std::string>& all, const std::string& one) {
@@ -120,7 +121,7 @@ struct known {
 };
 
 /// The newest message of a topic of which only that counts.
-struct latest {
+struct newest_message {
     queued_message what;
     time_point came{};
     std::string content_type;
@@ -157,11 +158,11 @@ struct mqtt_bridge::state : std::enable_shared_from_this<state> {
     time_point connected_at{};
     time_point not_before{}; // the broker wants no queued message until then
 
-    std::map<std::string, known> components; // by path
-    std::map<std::string, latest> newest;    // by topic
-    std::deque<std::string> waiting;         // topics of these, as they became so
-    std::map<std::string, inlet> inlets;     // by service
-    std::deque<message> answers;             // that wait
+    std::map<std::string, known> components;      // by path
+    std::map<std::string, newest_message> newest; // by topic
+    std::deque<std::string> waiting;              // topics of these, as they became so
+    std::map<std::string, inlet> inlets;          // by service
+    std::deque<message> answers;                  // that wait
     struct none {};
     using sent_message = std::variant<none, std::string, std::uint64_t, message>; // topic, number, answer
     std::map<int, sent_message> sent;                                             // by token
@@ -206,7 +207,7 @@ struct mqtt_bridge::state : std::enable_shared_from_this<state> {
         of.sources[service.name()] = made;
         if (const auto* type = made->codec.message()) {
             made->schema_topic = std::move(*schema_topic);
-            latest about;
+            newest_message about;
             about.what.topic = made->schema_topic;
             about.what.payload = std::string(as_text(type->descriptors()));
             about.what.retain = about.plain = true;
@@ -241,7 +242,7 @@ struct mqtt_bridge::state : std::enable_shared_from_this<state> {
         pump();
     }
     void forget_retained(const std::string& topic) {
-        latest nothing;
+        newest_message nothing;
         nothing.what.topic = topic;
         nothing.what.retain = nothing.plain = true;
         put(std::move(nothing));
@@ -379,7 +380,7 @@ struct mqtt_bridge::state : std::enable_shared_from_this<state> {
             queue->push(std::move(made), self.now(), self.wall());
         } else {
             made.number = queue->take_number(self.wall());
-            latest one;
+            newest_message one;
             one.what = std::move(made);
             put(std::move(one));
         }
@@ -388,7 +389,7 @@ struct mqtt_bridge::state : std::enable_shared_from_this<state> {
 
     // --- to the broker -----------------------------------------------------------------------------------------------
 
-    void put(latest one) {
+    void put(newest_message one) {
         one.came = self.now();
         auto& here = newest[one.what.topic];
         if (here.waiting && !here.plain) ++counts.replaced;
@@ -434,7 +435,7 @@ struct mqtt_bridge::state : std::enable_shared_from_this<state> {
     }
 
     void pump() {
-        while (session && !closed && !answers.empty()) {
+        while (session && !closed && !answers.empty() && sent.size() < max_unconfirmed) {
             auto one = std::move(answers.front());
             answers.pop_front();
             if (!send(one, one)) {
@@ -462,7 +463,12 @@ struct mqtt_bridge::state : std::enable_shared_from_this<state> {
             }
             one.waiting = false;
             one.in_flight = true;
-            if (!send(made, topic)) return;
+            if (!send(made, topic)) {
+                one.waiting = true;
+                one.in_flight = false;
+                waiting.push_back(std::move(topic));
+                return;
+            }
         }
         while (session && !closed && self.now() >= not_before) {
             const auto* one = queue->next();

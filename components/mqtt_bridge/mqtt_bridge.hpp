@@ -41,8 +41,8 @@ struct bridge_options : service_selection {
 
 /// Connects a running system to an MQTT broker. It acts under its own identity: what the access policy refuses to it is
 /// not in the broker either. While the broker is away, packets of queued services wait on disk, bounded, and go out in
-/// order, marked as history. Wrong options and a store that cannot be opened end `run()` with an error; an absent broker
-/// is waited for.
+/// order, marked as history. Wrong options and a store that cannot be opened end `run()` with an error. It waits for a
+/// broker that is absent.
 class mqtt_bridge final : public component {
 public:
     explicit mqtt_bridge(bridge_options options = bridge_options());
