@@ -59,88 +59,88 @@ std::string utc_text(wall_time at) {
                        time.minutes().count(), time.seconds().count(), time.subseconds().count());
 }
 
-/// Packets of one type as payloads of messages.
-class payload_codec {
-public:
-    payload_codec(const schema& of, bool protobuf) : type_(of) {
-        if (protobuf) message_ = std::make_unique<bag::protobuf_type>(of);
-    }
-    result<std::string> encode(const dynamic_packet& packet) const {
-        if (!message_) return packet.to_json();
-        buffer made;
-        if (auto done = message_->encode(packet.encoded(), made, false); !done) return done.error();
-        return std::string(as_text(made.view()));
-    }
-    result<dynamic_packet> decode(const std::string& payload) const {
-        try {
-            if (!message_) return dynamic_packet::from_json(type_, payload);
-            bag::protobuf_limits limits;
-            limits.max_packet_bytes = std::size_t{16} << 20;
-            auto packet = message_->decode_fields(as_bytes(payload), limits);
-            if (!packet) return packet.error();
-            return dynamic_packet(type_, std::move(*packet));
-        } catch (const error& why) {
-            return why.why();
-        }
-    }
-    const bag::protobuf_type* message() const noexcept { return message_.get(); }
-
-private:
-    schema type_;
-    std::unique_ptr<bag::protobuf_type> message_; // null: JSON
-};
-
-/// A subscription of the bridge.
-struct source {
-    source(std::string of, dynamic_contract service, bool protobuf)
-        : path(std::move(of)), contract(std::move(service)), codec(contract.packet(role::published), protobuf) {}
-    std::string path;
-    dynamic_contract contract;
-    payload_codec codec;
-    std::string topic, schema_topic;
-    bool queued = false;
-    bool withdrawn = false;
-    std::function<void()> leave;
-    std::string problem;
-};
-
-struct callable {
-    callable(std::string of, dynamic_contract service, bool protobuf)
-        : path(std::move(of)), contract(std::move(service)), request(contract.packet(role::request), protobuf),
-          response(contract.packet(role::response), protobuf) {}
-    std::string path;
-    dynamic_contract contract;
-    payload_codec request, response;
-};
-
-/// A component as it was described.
-struct known {
-    std::map<std::string, std::string> services; // name, and what identifies the types
-    std::map<std::string, std::shared_ptr<source>> sources;
-    std::map<std::string, std::shared_ptr<callable>> callables;
-};
-
-/// The newest message of a topic of which only that counts.
-struct newest_message {
-    queued_message what;
-    time_point came{};
-    std::string content_type;
-    std::vector<std::pair<std::string, std::string>> user; // beside those of every packet
-    bool plain = false;                                    // no packet: a schema, or nothing any more
-    bool waiting = false, in_flight = false;
-};
-
-/// A service that MQTT clients publish to.
-struct inlet {
-    inlet(const schema& of, bool protobuf) : codec(of, protobuf) {}
-    payload_codec codec;
-    dynamic_publication out;
-    std::uint64_t type = 0;
-};
-
 } // namespace
 
 struct mqtt_bridge::state : std::enable_shared_from_this<state> {
+    /// Packets of one type as payloads of messages.
+    class payload_codec {
+    public:
+        payload_codec(const schema& of, bool protobuf) : type_(of) {
+            if (protobuf) message_ = std::make_unique<bag::protobuf_type>(of);
+        }
+        result<std::string> encode(const dynamic_packet& packet) const {
+            if (!message_) return packet.to_json();
+            buffer made;
+            if (auto done = message_->encode(packet.encoded(), made, false); !done) return done.error();
+            return std::string(as_text(made.view()));
+        }
+        result<dynamic_packet> decode(const std::string& payload) const {
+            try {
+                if (!message_) return dynamic_packet::from_json(type_, payload);
+                bag::protobuf_limits limits;
+                limits.max_packet_bytes = std::size_t{16} << 20;
+                auto packet = message_->decode_fields(as_bytes(payload), limits);
+                if (!packet) return packet.error();
+                return dynamic_packet(type_, std::move(*packet));
+            } catch (const error& why) {
+                return why.why();
+            }
+        }
+        const bag::protobuf_type* message() const noexcept { return message_.get(); }
+
+    private:
+        schema type_;
+        std::unique_ptr<bag::protobuf_type> message_; // null: JSON
+    };
+
+    /// A subscription of the bridge.
+    struct source {
+        source(std::string of, dynamic_contract service, bool protobuf)
+            : path(std::move(of)), contract(std::move(service)), codec(contract.packet(role::published), protobuf) {}
+        std::string path;
+        dynamic_contract contract;
+        payload_codec codec;
+        std::string topic, schema_topic;
+        bool queued = false;
+        bool withdrawn = false;
+        std::function<void()> leave;
+        std::string problem;
+    };
+
+    struct callable {
+        callable(std::string of, dynamic_contract service, bool protobuf)
+            : path(std::move(of)), contract(std::move(service)), request(contract.packet(role::request), protobuf),
+              response(contract.packet(role::response), protobuf) {}
+        std::string path;
+        dynamic_contract contract;
+        payload_codec request, response;
+    };
+
+    /// A component as it was described.
+    struct known {
+        std::map<std::string, std::string> services; // name, and what identifies the types
+        std::map<std::string, std::shared_ptr<source>> sources;
+        std::map<std::string, std::shared_ptr<callable>> callables;
+    };
+
+    /// The newest message of a topic of which only that counts.
+    struct newest_message {
+        queued_message what;
+        time_point came{};
+        std::string content_type;
+        std::vector<std::pair<std::string, std::string>> user; // beside those of every packet
+        bool plain = false;                                    // no packet: a schema, or nothing any more
+        bool waiting = false, in_flight = false;
+    };
+
+    /// A service that MQTT clients publish to.
+    struct inlet {
+        inlet(const schema& of, bool protobuf) : codec(of, protobuf) {}
+        payload_codec codec;
+        dynamic_publication out;
+        std::uint64_t type = 0;
+    };
+
     state(component& of, const bridge_options& how, atirma::database opened)
         : self(of), options(how), db(std::move(opened)), journal(db, of.env().random() >> 1, how.remember),
           wake(of.on(), [this] { wake.resume(asio::error::operation_aborted); }) {}

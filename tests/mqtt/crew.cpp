@@ -17,14 +17,14 @@ struct amount {
 struct counted {
     std::uint32_t last = 0;
 };
-struct mark {
+struct tally {
     std::uint32_t n = 0;
     std::string text;
 };
 inline constexpr ise::request_response<amount, counted> count_up{"count_up"};
-inline constexpr ise::subscription<mark> marks{"marks"};  // each counts
-inline constexpr ise::subscription<mark> newest{"state"}; // the latest counts
-inline constexpr ise::subscription<mark> secret{"secret"};
+inline constexpr ise::subscription<tally> marks{"marks"};  // each counts
+inline constexpr ise::subscription<tally> newest{"state"}; // the latest counts
+inline constexpr ise::subscription<tally> secret{"secret"};
 
 struct turns {
     std::int32_t number = 0;
@@ -55,7 +55,7 @@ private:
         auto hidden = publish(secret);
         provide(count_up, [this, each, latest, hidden](amount rq) {
             for (std::uint32_t i = 0; i < rq.packets; ++i) {
-                mark made;
+                tally made;
                 made.n = ++last_;
                 made.text = "packet";
                 each(made);

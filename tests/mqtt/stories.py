@@ -283,7 +283,7 @@ def what_goes_out(folder):
             expect(f"{wrong} is refused", ended.process.wait(LIMIT_S) != 0 and why in ended.text(), ended.text())
         here.start_bridge("--encoding=protobuf")
         schema = here.subscribe("ise/schema/crew/counter/state", "schema", "-F", "%t|%r|%P|%x").wait(1)
-        expect("a protobuf topic has its descriptors", schema[0][2]["message"].endswith("mark") and b"mark".hex() in schema[0][3], schema)
+        expect("a protobuf topic has its descriptors", schema[0][2]["message"].endswith("tally") and b"tally".hex() in schema[0][3], schema)
 
 
 def nothing_lost_nothing_twice(folder):
