@@ -10,6 +10,7 @@
 #include <ise/core/environment.hpp>
 #include <ise/core/log_limiter.hpp>
 #include <ise/core/readable.hpp>
+#include <ise/naming/name_servers.hpp>
 #include <ise/naming/services.hpp>
 #include <ise/service/action.hpp>
 #include <ise/service/dynamic.hpp>
@@ -364,9 +365,8 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
 
     static task<> watch_names(std::shared_ptr<state> me) {
         auto& self = me->self;
-        auto where = me->options.name_server.value_or(default_name_server());
-        auto told = self.env().variable("ISE_NAME_SERVER");
-        if (!me->options.name_server && told && !told->empty()) where = endpoint::parse(*told).value();
+        auto where = me->options.name_servers;
+        if (where.empty()) where = usual_name_servers(self.env()).value();
         auto server = self.at(where, std::string(naming::server_path));
         for (;;) {
             subscriber<subscription<naming::name_events, naming::watch_request>> names;

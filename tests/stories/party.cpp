@@ -228,7 +228,7 @@ int run(const std::string& role, const std::string& log_file, const std::string&
     ise::real_environment env;
     ise::node_options options;
     options.use_names = set.values.contains("names");
-    if (options.use_names) options.name_server = ise::endpoint::parse(set.text("names", "")).value();
+    if (options.use_names) options.name_servers = {ise::endpoint::parse(set.text("names", "")).value()};
     ise::node node(env, std::move(options));
     ise::component_options how;
     std::string says = "ready";
