@@ -130,6 +130,7 @@ task<std::vector<naming::listed_name>> listed_names(context& in, std::string pre
         auto page = question;
         auto told = co_await server.try_call(naming::list, std::move(page), in.left());
         if (!told) throw problem(told.error());
+        if (!told->trouble.empty() && question.after.empty()) note(in.set, told->trouble);
         for (auto& one : told->names) names.push_back(std::move(one));
         // A server that says "more" and tells nothing new would be asked for ever.
         if (!told->more || told->names.empty() || names.back().path <= question.after) break;

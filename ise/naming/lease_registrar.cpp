@@ -400,7 +400,7 @@ void lease_registrar::lease_lost() {
 }
 
 void lease_registrar::unreachable(const failure& why) {
-    if (why.code() == errc::timed_out || why.code() == errc::name_server_lost) names_.way().try_next(why);
+    if (why.code() == errc::timed_out || why.code() == errc::refused) names_.way().try_next(why);
     obstacle_ = fmt::format("the name server at {} does not answer: {}", servers_, why.message());
     if (confirmed() || host_.scope().stopping() || std::exchange(complained_, true)) return;
     bool holds = std::ranges::any_of(holdings_, [](const auto& entry) { return entry.second->epoch != 0; });
