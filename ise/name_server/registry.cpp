@@ -376,7 +376,8 @@ naming::holder registry::holder_of(const component& held, time_point at) const {
     // Kept by another server, which is not heard renewing it: it lives as long as the store's lease, which is shorter
     // than two of these.
     if (options_.shared && held.owner->expires == time_point::max())
-        who.renewals += static_cast<std::uint64_t>(who.lease_age / std::chrono::seconds(6));
+        who.renewals +=
+            static_cast<std::uint64_t>((at - std::max(held.owner->renewed, heard_since_)) / std::chrono::seconds(6));
     return who;
 }
 

@@ -75,6 +75,8 @@ public:
     std::vector<std::uint64_t> marked(const std::string& launch_mark) const;
     /// Keeps schemas that the granted services name; the reason for those that are none goes into the grants.
     void offer(const std::vector<naming::schema_text>& schemas, std::vector<naming::grant>& grants);
+    /// The store has been heard without a break since then: what another server keeps may have been renewed.
+    void heard_since(time_point now) { heard_since_ = running_time(now); }
     /// Whether all names of the store are known. Until then none is said not to exist.
     void complete(bool known) { recovered_ = known ? time_point::min() : time_point::max(); }
     /// The answer to a claim for what another holds; nothing: nobody does, or the same node.
@@ -191,6 +193,7 @@ private:
     std::size_t claims_bytes_ = 0;
     std::uint64_t last_lease_ = 0;
     std::vector<naming::name_event> changes_;
+    time_point heard_since_{};
     std::vector<std::uint64_t> overdue_; // where names are shared
 };
 

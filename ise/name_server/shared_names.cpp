@@ -254,6 +254,7 @@ task<> shared_names::keep_here(naming::node_identity who, duration lease) {
     for (int attempt = 0; attempt != 4; ++attempt) {
         auto known = nodes_.find(key);
         const bool there = known != nodes_.end();
+        if (there) known->second.ending = false; // it lives
         if (there && known->second.what.server == incarnation_) {
             if (confirmed_within(known->second, margin)) co_return;
             auto sent = on_.now();
@@ -444,7 +445,7 @@ task<naming::ended_response> shared_names::end(naming::ended_request request) {
 // Nobody else may have taken it over: the record goes first, under that condition, and then its lease with the names.
 task<> shared_names::end_node(shared_names& self, std::uint64_t lease_key) {
     auto known = self.nodes_.find(lease_key);
-    if (known == self.nodes_.end()) co_return;
+    if (known == self.nodes_.end() || !known->second.ending) co_return; // it has come back
     auto number = known->second.what.store_lease;
     store_step step;
     step.key = key_of_node(lease_key);
@@ -452,10 +453,9 @@ task<> shared_names::end_node(shared_names& self, std::uint64_t lease_key) {
     step.erase = true;
     std::vector<store_step> steps(1, step);
     auto written = co_await self.store_.write(std::move(steps));
-    if (known = self.nodes_.find(lease_key); known != self.nodes_.end()) known->second.ending = false;
     if (!written) {
         self.obstacle_ = written.error().message();
-        co_return; // the store ends it in time, as nobody renews it
+        co_return; // nobody renews it, and it is ended as soon as the store answers
     }
     if (!written->front().done) co_return;
     auto revoked = co_await self.store_.revoke(number);
@@ -476,15 +476,22 @@ task<> shared_names::tend(shared_names& self) {
         auto alive = co_await self.store_.probe();
         if (alive) self.heard();
         else self.obstacle_ = alive.error().message();
+        if (!alive) self.names_.heard_since(self.on_.now());
         auto why = self.trouble();
         if (self.on_.now() - self.started_ < fresh) why.clear();
         if (!why.empty() && !std::exchange(self.complained_, true)) self.log_.warning(why);
         if (why.empty() && std::exchange(self.complained_, false)) self.log_.info("the store is back");
-        std::vector<std::uint64_t> due;
+        std::vector<std::uint64_t> due, dead;
         for (const auto& [key, one] : self.nodes_)
             if (one.what.server == self.incarnation_ && !one.ending && !self.confirmed_within(one, store_lease / 4))
                 due.push_back(key);
-        if (!alive) due.clear();
+        for (const auto& [key, one] : self.nodes_)
+            if (one.what.server == self.incarnation_ && one.ending) dead.push_back(key);
+        if (!alive) {
+            due.clear();
+            dead.clear();
+        }
+        for (auto key : dead) co_await end_node(self, key);
         for (auto key : due) {
             auto known = self.nodes_.find(key);
             if (known == self.nodes_.end() || known->second.ending) continue;
