@@ -9,6 +9,7 @@
 
 #include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
+#include <ise/naming/name_servers.hpp>
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
@@ -45,7 +46,7 @@ ise::node_options node_options_of(const common_options& options) {
     made.name = "atirma";
     made.log = ise::log_to_stderr(options.level);
     made.security = options.security;
-    if (!options.name_server.empty()) made.name_server = ise::endpoint::parse(options.name_server).value();
+    if (!options.name_server.empty()) made.name_servers = ise::parse_name_servers(options.name_server).value();
     return made;
 }
 
@@ -234,7 +235,7 @@ int obey(int count, char** words) {
         return app.exit(why) == 0 ? 0 : 2; // prints help or the error
     }
     try {
-        if (!common.name_server.empty()) ise::endpoint::parse(common.name_server).value();
+        if (!common.name_server.empty()) ise::parse_name_servers(common.name_server).value();
         if (!page.empty()) observer.page = ise::endpoint::parse("tcp://" + page).value();
         for (const auto& one : wanted) {
             endpoints_of(one.listen);

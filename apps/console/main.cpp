@@ -9,6 +9,7 @@
 #include <ise/component/node.hpp>
 #include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
+#include <ise/naming/name_servers.hpp>
 #include <ise/naming/services.hpp>
 
 #include <CLI/CLI.hpp>
@@ -125,10 +126,9 @@ int run(const arguments& given, int count, char** words) {
     options.space = given.space;
     options.proxies = given.proxies;
     if (terms.use_names) {
-        auto at = ise::default_name_server();
-        auto said = given.name_server.empty() ? variable("ISE_NAME_SERVER") : given.name_server;
-        if (!said.empty()) at = ise::endpoint::parse(said).value();
-        terms.name_server = options.name_server = at;
+        options.name_servers = given.name_server.empty() ? ise::usual_name_servers(world).value()
+                                                         : ise::parse_name_servers(given.name_server).value();
+        terms.name_servers = options.name_servers;
     }
     if (!given.fence.empty()) {
         auto text = world.read_file(given.fence, atirma::geofence::max_bytes + 1).value();
@@ -233,7 +233,7 @@ int main(int count, char** words) {
     }
     try {
         for (const auto& at : {given.name_server, variable("ISE_NAME_SERVER")})
-            if (!at.empty() && at != "none") ise::endpoint::parse(at).value();
+            if (!at.empty() && at != "none") ise::parse_name_servers(at).value();
         for (const auto& proxy : given.proxies)
             if (proxy.find("://") != std::string::npos) ise::endpoint::parse(proxy).value();
             else if (!ise::naming::is_path(proxy))

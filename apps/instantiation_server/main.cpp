@@ -7,6 +7,7 @@
 #include <ise/instantiation/instantiation_server.hpp>
 #include <ise/instantiation/keeper.hpp>
 #include <ise/instantiation/real_machine.hpp>
+#include <ise/naming/name_servers.hpp>
 
 #include <CLI/CLI.hpp>
 
@@ -94,9 +95,13 @@ int run(const settings& wanted) {
     options.programs_folder = absolute(wanted.programs);
     auto leaf = path.substr(path.rfind('/') + 1);
     options.state_folder = absolute(wanted.state.empty() ? default_state_folder(leaf) : wanted.state);
-    options.name_server = ise::default_name_server();
-    if (!wanted.name_server.empty()) options.name_server = endpoint_of("--name-server", wanted.name_server);
-    else if (auto told = env.variable("ISE_NAME_SERVER")) options.name_server = endpoint_of("ISE_NAME_SERVER", *told);
+    if (wanted.name_server.empty()) {
+        options.name_servers = ise::usual_name_servers(env).value();
+    } else {
+        auto told = ise::parse_name_servers(wanted.name_server);
+        if (!told) throw CLI::ValidationError("--name-server", told.error().message());
+        options.name_servers = std::move(*told);
+    }
     options.variables = variables_for_components();
     auto security = security_of(wanted.security, env);
     for (const auto& at : where.listen)
@@ -121,7 +126,7 @@ int run(const settings& wanted) {
 
     ise::node_options node_options;
     node_options.name = "instantiation_server";
-    node_options.name_server = options.name_server;
+    node_options.name_servers = options.name_servers;
     node_options.security = std::move(security);
     node_options.log = ise::log_to_stderr(wanted.log_level);
     ise::node node(env, std::move(node_options));

@@ -6,6 +6,7 @@
 #include <ise/component/node.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/core/task_scope.hpp>
+#include <ise/naming/name_servers.hpp>
 #include <ise/naming/services.hpp>
 
 #include <asio/io_context.hpp>
@@ -117,16 +118,16 @@ bool interrupt::raise() {
     return true;
 }
 
-endpoint name_server_of(const settings& set, const environment& env) {
+std::vector<endpoint> name_servers_of(const settings& set, const environment& env) {
     auto text = set.name_server;
     std::string from = "--name-server";
     if (text.empty()) {
         auto told = env.variable("ISE_NAME_SERVER");
-        if (!told || told->empty()) return default_name_server();
+        if (!told || told->empty()) return {default_name_server()};
         text = *told;
         from = "the environment variable ISE_NAME_SERVER";
     }
-    auto parsed = endpoint::parse(text);
+    auto parsed = parse_name_servers(text);
     if (!parsed) throw problem(exit_code::usage, "usage", fmt::format("{}: {}", from, parsed.error().message()));
     return *parsed;
 }
@@ -139,7 +140,7 @@ exit_code run(const parsed_command& what) {
         real_environment env;
         node_options options;
         options.name = "ise";
-        options.name_server = name_server_of(set, env);
+        options.name_servers = name_servers_of(set, env);
         options.security = set.security;
         options.grace = std::chrono::milliseconds(500);
         options.log = set.verbose ? log_to_stderr(log_level::debug) : log_sink();

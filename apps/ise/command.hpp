@@ -95,7 +95,7 @@ parsed_command read_command_line(int count, const char* const* arguments);
 exit_code run(const parsed_command& what);
 
 /// Where the name server is; problem(usage) if what was given is no endpoint.
-endpoint name_server_of(const settings& set, const environment& env);
+std::vector<endpoint> name_servers_of(const settings& set, const environment& env);
 
 /// Reports to a person, or with `--json` to a program, why there is no answer.
 void report(const problem& why, bool json);

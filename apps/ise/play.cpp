@@ -49,7 +49,7 @@ task<> play(context& in, play_options options) {
     auto on = std::make_shared<stage>();
     node_options of;
     of.name = "ise play";
-    of.name_server = name_server_of(in.set, in.self.env());
+    of.name_servers = name_servers_of(in.set, in.self.env());
     of.security = in.set.security;
     of.log = in.set.verbose ? log_to_stderr(log_level::debug) : log_sink();
     auto& env = in.self.env();

@@ -42,7 +42,7 @@ std::string as_text(const record_answer& of) {
 task<> record(context& in, record_options options) {
     [[maybe_unused]] auto server = co_await reach_name_server(in); // whether there is one
     auto& what = options.what;
-    what.name_server = name_server_of(in.set, in.self.env());
+    what.name_servers = name_servers_of(in.set, in.self.env());
     for (const auto& path : options.attached) {
         auto content = in.self.env().read_file(path, std::size_t{64} << 20);
         if (!content) throw problem(content.error());

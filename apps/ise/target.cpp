@@ -2,6 +2,7 @@
 
 #include "text.hpp"
 
+#include <ise/naming/name_servers.hpp>
 #include <ise/service/action.hpp>
 #include <ise/service/service_host.hpp>
 
@@ -109,12 +110,12 @@ void note_nothing(const context& in, const std::string& prefix, const std::vecto
 }
 
 task<remote> reach_name_server(context& in) {
-    auto at = name_server_of(in.set, in.self.env());
+    auto at = name_servers_of(in.set, in.self.env());
     auto server = in.self.at(at, std::string(naming::server_path));
     auto got = co_await connect(in, server);
     if (!got)
         throw problem(exit_code::not_reached, "name_server_lost",
-                      fmt::format("there is no name server at {}: {}", at.text(), got.error().message()),
+                      fmt::format("there is no name server at {}: {}", text_of(at), got.error().message()),
                       "start one with ise_name_server, tell where it is with --name-server or ISE_NAME_SERVER, or name "
                       "the component by its endpoint");
     co_return server;
@@ -129,6 +130,7 @@ task<std::vector<naming::listed_name>> listed_names(context& in, std::string pre
         auto page = question;
         auto told = co_await server.try_call(naming::list, std::move(page), in.left());
         if (!told) throw problem(told.error());
+        if (!told->trouble.empty() && question.after.empty()) note(in.set, told->trouble);
         for (auto& one : told->names) names.push_back(std::move(one));
         // A server that says "more" and tells nothing new would be asked for ever.
         if (!told->more || told->names.empty() || names.back().path <= question.after) break;

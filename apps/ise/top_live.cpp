@@ -4,6 +4,7 @@
 #include "top_view.hpp"
 
 #include <ise/core/error.hpp>
+#include <ise/naming/name_servers.hpp>
 
 #include <chrono>
 #include <optional>
@@ -42,7 +43,7 @@ task<> top_live(context& in, survey_options what, duration every, std::vector<su
                 std::unique_ptr<terminal> on) {
     auto of = std::make_shared<live_survey>();
     of->what = std::move(what);
-    top_view view(name_server_of(in.set, in.self.env()).text());
+    top_view view(text_of(name_servers_of(in.set, in.self.env())));
     view.take(std::move(first), in.self.wall());
     auto next = saturating_add(in.self.now(), every);
     for (bool fresh = true;;) {

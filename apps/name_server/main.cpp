@@ -4,6 +4,7 @@
 #include <ise/component/node.hpp>
 #include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
+#include <ise/name_server/etcd_store.hpp>
 #include <ise/name_server/name_server.hpp>
 #include <ise/service/service_host.hpp>
 
@@ -25,6 +26,7 @@ void complain(std::string_view what) { ise::complain("ise_name_server", what); }
 struct settings {
     std::vector<std::string> listen, advertise;
     std::string state;
+    std::string store, store_user, store_password_file;
     std::string lease = "2s";
     ise::security_options security;
     ise::log_level log_level = ise::log_level::info;
@@ -78,6 +80,25 @@ std::shared_ptr<ise::server_memory> memory_of(const settings& wanted, ise::envir
     return nullptr;
 }
 
+// The password is in no option, since those of every process can be read by all.
+std::optional<ise::etcd_options> store_of(const settings& wanted, ise::environment& env) {
+    if (wanted.store.empty()) return std::nullopt;
+    ise::etcd_options made;
+    auto members = ise::parse_etcd_members(wanted.store);
+    if (!members) throw CLI::ValidationError("--store", members.error().message());
+    made.members = std::move(*members);
+    made.user = wanted.store_user;
+    if (!wanted.store_password_file.empty()) {
+        made.password = env.read_secret(wanted.store_password_file, 4096).value();
+        while (made.password.ends_with('\n')) made.password.pop_back();
+    } else if (auto told = env.variable("ISE_STORE_PASSWORD")) {
+        made.password = *told;
+    }
+    if (!made.user.empty() && made.password.empty())
+        throw CLI::ValidationError("--store-user", "needs a password: --store-password-file, or ISE_STORE_PASSWORD");
+    return made;
+}
+
 int run(const settings& wanted, ise::duration lease) {
     ise::component_options where;
     where.registers = false;
@@ -104,7 +125,11 @@ int run(const settings& wanted, ise::duration lease) {
     ise::name_server_options terms;
     terms.lease = lease;
     terms.fresh = wanted.fresh;
-    terms.memory = memory_of(wanted, env, where.listen.front());
+    if (auto store = store_of(wanted, env))
+        terms.store = [of = *store](ise::environment&, ise::loop& on) {
+            return std::make_unique<ise::etcd_store>(on, of);
+        };
+    else terms.memory = memory_of(wanted, env, where.listen.front());
     std::string listening;
     try {
         auto& server = node.start<ise::name_server>(std::string(ise::naming::server_path), std::move(where), terms);
@@ -140,6 +165,15 @@ int main(int argc, char** argv) {
     app.add_option("--state", wanted.state,
                    "state file that proves grants to the next name server, or none (default: below $XDG_STATE_HOME or "
                    "~/.local/state)")
+        ->type_name("FILE");
+    app.add_option("--store", wanted.store,
+                   "etcd that this name server shares its names with others in, as etcd followed by :// and its "
+                   "members: a:2379,b:2379,c:2379 (default: names are kept in memory)")
+        ->type_name("STORE");
+    app.add_option("--store-user", wanted.store_user, "user of the store (default: no authentication)")
+        ->type_name("USER");
+    app.add_option("--store-password-file", wanted.store_password_file,
+                   "file with the user's password (default: $ISE_STORE_PASSWORD)")
         ->type_name("FILE");
     app.add_option("--lease", wanted.lease,
                    "the longest lease, after which a lost node loses its names, such as 2s or 500ms")

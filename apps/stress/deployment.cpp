@@ -188,7 +188,7 @@ void voyage::start_operator(std::size_t which) {
     start("atirma/console/" + name, name,
           [this, which, name](ise::node& node, ise::component_options where) -> ise::component& {
               console::gui_client_options options;
-              options.name_server = ise::endpoint::parse("tcp://names:7400").value();
+              options.name_servers = {ise::endpoint::parse("tcp://names:7400").value()};
               options.tick = 1s;
               options.max_quiet = 5s;
               consoles_[which] = options.port;

@@ -68,7 +68,7 @@ voyage::voyage(voyage_options options) : options_(std::move(options)), world_(op
 ise::node_options voyage::node_options(bool names) {
     ise::node_options made;
     made.use_names = names;
-    if (names) made.name_server = ise::endpoint::parse("tcp://names:7400").value();
+    if (names) made.name_servers = {ise::endpoint::parse("tcp://names:7400").value()};
     made.log = [this](const ise::log_record& said) { record(said); };
     return made;
 }

@@ -110,7 +110,7 @@ void serve_names(const options& asked) {
     ise::real_environment env;
     auto how_the_node = node_options();
     how_the_node.use_names = true;
-    how_the_node.name_server = ise::endpoint::parse(asked.connect).value();
+    how_the_node.name_servers = {ise::endpoint::parse(asked.connect).value()};
     ise::node crowd(env, how_the_node);
     for (std::size_t i = asked.first; i != asked.first + asked.outstanding; ++i) {
         ise::component_options how;

@@ -33,7 +33,7 @@ struct gateway_options : service_selection {
     std::string assets;                                       ///< folder of files that viewers may fetch; empty: none
     std::size_t max_asset_bytes = std::size_t{16} << 20;      ///< of one
     viewer_limits viewer;                                     ///< of each
-    std::optional<endpoint> name_server;                      ///< default: ISE_NAME_SERVER, else that of this machine
+    std::vector<endpoint> name_servers;                       ///< default: ISE_NAME_SERVER, else that of this machine
     std::vector<derivation_maker> derivations;                ///< of the application
     std::function<void(const std::string& url)> on_listening; ///< on the component's loop
 };

@@ -1,4 +1,5 @@
 #include <components/gui_client/gui_client.hpp>
+#include <ise/naming/name_servers.hpp>
 
 #include <components/boat/find_component.hpp>
 #include <components/boat/recall.hpp>
@@ -20,7 +21,7 @@ struct gui_client::parts {
     parts(ise::component& self, const gui_client_options& options)
         : state(options.state), context{self, state, std::string(), false}, proxies(context),
           nodes(context, options.communication, options.look_back, options.state.max_links),
-          search(context, options.space, options.name_server,
+          search(context, options.space, options.name_servers,
                  [this](const auto& path, const auto& services) { follow(path, services); }),
           authority(context), sender(context, authority), mission(context, sender, options.tick),
           outlets(context, options.outlets) {}
@@ -76,7 +77,7 @@ void gui_client::parts::report(const gui_client_options& options) {
     nodes.report();
     finding_view finding;
     finding.uses_names = search.uses_names();
-    finding.where = options.name_server ? options.name_server->text() : std::string();
+    finding.where = ise::text_of(options.name_servers);
     for (const auto& path : options.proxies) finding.where += (finding.where.empty() ? "" : ", ") + path;
     finding.looking_for = "telemetry below " + options.space;
     finding.reached = search.health().reached();

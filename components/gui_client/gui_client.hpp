@@ -13,9 +13,9 @@
 namespace atirma::console {
 
 struct gui_client_options {
-    std::string space = "atirma";             ///< the namespace whose components are looked at
-    std::optional<ise::endpoint> name_server; ///< where proxies are found; nothing: only `proxies` are followed
-    std::vector<std::string> proxies;         ///< followed besides what is found: paths or endpoints
+    std::string space = "atirma";            ///< the namespace whose components are looked at
+    std::vector<ise::endpoint> name_servers; ///< where proxies are found; nothing: only `proxies` are followed
+    std::vector<std::string> proxies;        ///< followed besides what is found: paths or endpoints
     std::string communication = std::string(communication_role); ///< followed as soon as a node of it is found
     ise::duration look_back = std::chrono::hours(12);            ///< so much of the track is asked of the nodes
     state_options state;

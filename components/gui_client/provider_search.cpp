@@ -8,17 +8,17 @@ constexpr int describe_attempts = 5;
 constexpr std::size_t max_present = 500; // that are shown
 } // namespace
 
-provider_search::provider_search(client_context& context, std::string space, std::optional<ise::endpoint> name_server,
+provider_search::provider_search(client_context& context, std::string space, std::vector<ise::endpoint> name_servers,
                                  found on_found)
-    : context_(context), space_(std::move(space)), name_server_(std::move(name_server)),
+    : context_(context), space_(std::move(space)), name_servers_(std::move(name_servers)),
       on_found_(std::move(on_found)) {}
 
 ise::remote provider_search::server() const {
-    return context_.self.at(*name_server_, std::string(ise::naming::server_path));
+    return context_.self.at(name_servers_, std::string(ise::naming::server_path));
 }
 
 void provider_search::start() {
-    if (!name_server_) return;
+    if (name_servers_.empty()) return;
     stream_use use(ise::naming::watch);
     use.request.prefix = space_;
     use.options = ise::subscribe_options::last(256);

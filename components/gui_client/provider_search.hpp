@@ -18,11 +18,11 @@ public:
     /// A component, and the names of the services that it provides. Called again when these change.
     using found = std::function<void(const std::string& path, const std::set<std::string>& services)>;
     /// Without a name server nothing is found.
-    provider_search(client_context& context, std::string space, std::optional<ise::endpoint> name_server,
+    provider_search(client_context& context, std::string space, std::vector<ise::endpoint> name_servers,
                     found on_found);
 
     void start();
-    bool uses_names() const noexcept { return name_server_.has_value(); }
+    bool uses_names() const noexcept { return !name_servers_.empty(); }
     const stream_health& health() const noexcept { return health_; }
 
 private:
@@ -32,7 +32,7 @@ private:
 
     client_context& context_;
     std::string space_;
-    std::optional<ise::endpoint> name_server_;
+    std::vector<ise::endpoint> name_servers_;
     found on_found_;
     stream_health health_;
     std::map<std::string, present_component> present_;

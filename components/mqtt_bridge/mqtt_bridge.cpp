@@ -834,7 +834,7 @@ task<> mqtt_bridge::run() {
     news.described = [raw = held.get()](const std::string& of, component_info about) { raw->on_described(of, about); };
     news.gone = [raw = held.get()](const std::string& of) { raw->on_gone(of); };
     news.trouble = [raw = held.get()](const std::string& what) { raw->note(what); };
-    system_watch watch(*this, service_selection(), options_.name_server, std::move(news));
+    system_watch watch(*this, service_selection(), options_.name_servers, std::move(news));
     spawn("store", state::look_after(held));
     co_await state::stay_connected(held);
 }

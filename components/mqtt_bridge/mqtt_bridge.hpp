@@ -34,7 +34,7 @@ struct bridge_options : service_selection {
     duration remember = std::chrono::hours(24); ///< requests, so that they are not executed again
     std::vector<std::string> publish;           ///< services that MQTT clients publish to; the bridge provides them
 
-    std::optional<endpoint> name_server; ///< default: ISE_NAME_SERVER, else that of this machine
+    std::vector<endpoint> name_servers; ///< default: ISE_NAME_SERVER, else that of this machine
     broker_connector connect = connect_mosquitto;
     std::function<void(const std::string& url)> on_connected; ///< on the component's loop
 };

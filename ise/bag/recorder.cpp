@@ -8,6 +8,7 @@
 #include <ise/core/environment.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/core/task_scope.hpp>
+#include <ise/naming/name_servers.hpp>
 #include <ise/naming/services.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/packet/dynamic.hpp>
@@ -279,9 +280,8 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
 
     static task<> watch_names(std::shared_ptr<state> me) {
         auto& self = me->self;
-        auto where = me->options.name_server.value_or(default_name_server());
-        auto told = self.env().variable("ISE_NAME_SERVER");
-        if (!me->options.name_server && told && !told->empty()) where = endpoint::parse(*told).value();
+        auto where = me->options.name_servers;
+        if (where.empty()) where = usual_name_servers(self.env()).value();
         auto server = self.at(where, std::string(naming::server_path));
         while (!me->finishing) {
             std::optional<failure> why;

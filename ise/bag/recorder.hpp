@@ -23,8 +23,8 @@ struct recorder_options {
     bool parameters = true;
     bool own_services = false; ///< ISE's own, such as the name server's
     overflow policy = overflow::keep_last;
-    std::uint32_t depth = 1024;          ///< packets in each subscription's queues
-    std::optional<endpoint> name_server; ///< default: ISE_NAME_SERVER, else that of this machine
+    std::uint32_t depth = 1024;         ///< packets in each subscription's queues
+    std::vector<endpoint> name_servers; ///< default: ISE_NAME_SERVER, else that of this machine
 
     recording_options files;
     duration flush = std::chrono::seconds(1);        ///< what is older is in the file

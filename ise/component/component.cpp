@@ -55,6 +55,9 @@ remote component::at(const std::string& path, role_options how) {
 remote component::at(const endpoint& where, const std::string& path) {
     return remote(started(runner_).services().link_to(where, path));
 }
+remote component::at(const std::vector<endpoint>& any_of, const std::string& path) {
+    return remote(started(runner_).services().link_to(any_of, path));
+}
 
 remote component::caller(const call_context& context) {
     auto& services = started(runner_).services();

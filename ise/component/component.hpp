@@ -233,6 +233,8 @@ public:
     remote at(const std::string& path, role_options how = role_options());
     /// A handle to the component `path` that listens at `where`; with an empty path any component that listens there.
     remote at(const endpoint& where, const std::string& path = std::string());
+    /// The same for one of several endpoints, such as name servers: the next is tried when one is lost.
+    remote at(const std::vector<endpoint>& any_of, const std::string& path);
     /// A handle to the caller of the call being answered, for calling back over the same session.
     remote caller(const call_context& context);
 

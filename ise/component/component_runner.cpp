@@ -69,7 +69,7 @@ component_runner::component_runner(std::weak_ptr<component_owner> of, environmen
                                    component_options options, const node_options& node, const security& credentials,
                                    std::uint64_t incarnation)
     : node_(std::move(of)), env_(env), share_(std::move(share)), path_(std::move(path)), options_(std::move(options)),
-      grace_(node.grace), names_(node.use_names), name_server_(node.name_server),
+      grace_(node.grace), names_(node.use_names), name_servers_(node.name_servers),
       log_(env, path_.empty() ? "(anonymous)" : path_, node.log), component_(std::move(made)),
       pause_(env, std::chrono::milliseconds(200), std::chrono::seconds(30)) {
     wire::identity self;
@@ -109,7 +109,8 @@ void component_runner::start() {
 
 void component_runner::open() {
     services_->follow_access();
-    if (names_ && name_server_) services_->use_resolver(std::make_shared<name_resolver>(*services_, *name_server_));
+    if (names_ && !name_servers_.empty())
+        services_->use_resolver(std::make_shared<name_resolver>(*services_, name_servers_));
     services_->services()
         .add(make_call_service(*services_, describe_service,
                                [this](const describe_request&) { return describe_self(); }))

@@ -99,7 +99,7 @@ private:
     component_options options_;
     duration grace_;
     bool names_;
-    std::optional<endpoint> name_server_;
+    std::vector<endpoint> name_servers_;
     logger log_;
     std::atomic<component_state> state_{component_state::starting};
     std::atomic<bool> stop_asked_{false};

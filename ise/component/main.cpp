@@ -5,6 +5,7 @@
 #include <ise/component/program_words.hpp>
 #include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
+#include <ise/naming/name_servers.hpp>
 #include <ise/packet/json.hpp>
 
 #include <fmt/format.h>
@@ -49,8 +50,11 @@ bool take_common(program_words& to, const std::string& name, const std::string& 
         auto role = parse_role(value);
         if (!role) throw wrong(role.error().message());
         to.component.roles.insert(std::move(*role));
-    } else if (name == "name-server") to.node.name_server = endpoint_of(value);
-    else if (name == "key") to.node.security.key_file = value;
+    } else if (name == "name-server") {
+        auto all = parse_name_servers(value);
+        if (!all) throw wrong("--name-server: " + all.error().message());
+        to.node.name_servers = std::move(*all);
+    } else if (name == "key") to.node.security.key_file = value;
     else if (name == "tls") to.node.security.tls_folder = value;
     else if (name == "access") to.node.security.access_file = value;
     else if (name == "audit") to.node.security.audit_file = value;

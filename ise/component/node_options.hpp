@@ -26,8 +26,10 @@ enum class on_failure : std::uint8_t {
 
 /// Options for all components of a node.
 struct node_options {
-    std::string name;                         ///< for people, such as the name of the process
-    std::optional<endpoint> name_server;      ///< else ISE_NAME_SERVER, else tcp://127.0.0.1:7400
+    std::string name; ///< for people, such as the name of the process
+    /// Name servers that share a store, in the order in which they are tried. Empty: those of ISE_NAME_SERVER, else
+    /// tcp://127.0.0.1:7400.
+    std::vector<endpoint> name_servers;
     bool use_names = true;                    ///< false: components are reached by endpoint only
     duration lease = std::chrono::seconds(2); ///< of the names
     duration grace = std::chrono::seconds(2); ///< for coroutines and sessions to end when stopped

@@ -24,7 +24,7 @@ void node_state::start_names() {
     self.incarnation = env.random();
     services = std::make_unique<service_host>(env, loop(), *scope, std::move(self), options.services, log, credentials);
     services->follow_access();
-    kept_names = std::make_unique<lease_registrar>(*services, *options.name_server, options.lease);
+    kept_names = std::make_unique<lease_registrar>(*services, options.name_servers, options.lease);
     kept_names->on_change = [this](const std::string& path, result<std::uint64_t> epoch) {
         if (auto runner = find(path)) runner->on_name_change(std::move(epoch));
     };

@@ -1,6 +1,7 @@
 #include <ise/component/system_watch.hpp>
 
 #include <ise/core/environment.hpp>
+#include <ise/naming/name_servers.hpp>
 #include <ise/naming/services.hpp>
 
 #include <fmt/format.h>
@@ -39,8 +40,8 @@ void service_selection::add_to(parameter_set& set) {
 }
 
 struct system_watch::state : std::enable_shared_from_this<state> {
-    state(component& of, service_selection what, std::optional<endpoint> server, system_news to)
-        : self(of), wanted(std::move(what)), name_server(std::move(server)), news(std::move(to)) {}
+    state(component& of, service_selection what, std::vector<endpoint> servers, system_news to)
+        : self(of), wanted(std::move(what)), name_servers(std::move(servers)), news(std::move(to)) {}
 
     struct followed {
         bool asking = false, again = false;
@@ -49,7 +50,7 @@ struct system_watch::state : std::enable_shared_from_this<state> {
 
     component& self;
     service_selection wanted;
-    std::optional<endpoint> name_server;
+    std::vector<endpoint> name_servers;
     system_news news;
     std::map<std::string, followed> components; // by path
     bool over = false;
@@ -113,9 +114,8 @@ struct system_watch::state : std::enable_shared_from_this<state> {
 
     static task<> watch_names(std::shared_ptr<state> me) {
         auto& self = me->self;
-        auto where = me->name_server.value_or(default_name_server());
-        auto told = self.env().variable("ISE_NAME_SERVER");
-        if (!me->name_server && told && !told->empty()) where = endpoint::parse(*told).value();
+        auto where = me->name_servers;
+        if (where.empty()) where = usual_name_servers(self.env()).value();
         auto server = self.at(where, std::string(naming::server_path));
         while (!me->over) {
             subscriber<subscription<naming::name_events, naming::watch_request>> names;
@@ -137,9 +137,9 @@ struct system_watch::state : std::enable_shared_from_this<state> {
     }
 };
 
-system_watch::system_watch(component& self, service_selection wanted, std::optional<endpoint> name_server,
+system_watch::system_watch(component& self, service_selection wanted, std::vector<endpoint> name_servers,
                            system_news news)
-    : state_(std::make_shared<state>(self, std::move(wanted), std::move(name_server), std::move(news))) {
+    : state_(std::make_shared<state>(self, std::move(wanted), std::move(name_servers), std::move(news))) {
     self.spawn("names", state::watch_names(state_));
 }
 system_watch::~system_watch() { state_->over = true; }

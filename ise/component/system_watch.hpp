@@ -40,9 +40,9 @@ struct system_news {
 /// on the loop of its component.
 class system_watch {
 public:
-    /// Follows the paths of `wanted`. `name_server`: default ISE_NAME_SERVER, else that of this machine. `self` must
+    /// Follows the paths of `wanted`. `name_servers`: default ISE_NAME_SERVER, else that of this machine. `self` must
     /// outlive it; no callback is called once it is destroyed.
-    system_watch(component& self, service_selection wanted, std::optional<endpoint> name_server, system_news news);
+    system_watch(component& self, service_selection wanted, std::vector<endpoint> name_servers, system_news news);
     ~system_watch();
     system_watch(const system_watch&) = delete;
     system_watch& operator=(const system_watch&) = delete;

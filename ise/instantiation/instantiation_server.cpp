@@ -144,7 +144,7 @@ instantiation_server::~instantiation_server() = default;
 task<> instantiation_server::run() {
     here_.stopping = false; // a run before this one may have failed
     for (const auto& at : this->services().listening()) may_listen(at, this->services().peers().credentials()).value();
-    parts_ = std::make_unique<parts>(here_, at(here_.options.name_server, std::string(naming::server_path)));
+    parts_ = std::make_unique<parts>(here_, at(here_.options.name_servers, std::string(naming::server_path)));
     parts_->offer_services();
     struct ending { // whatever ends from now on
         parts& all;

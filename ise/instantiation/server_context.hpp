@@ -12,10 +12,10 @@
 namespace ise::instantiation {
 
 struct server_options {
-    std::string programs_folder;                                ///< what can be started lies here
-    std::string state_folder;                                   ///< of this server alone; it exists
-    endpoint name_server = default_name_server();               ///< told to what it starts
-    std::vector<std::pair<std::string, std::string>> variables; ///< of what it starts: PATH, HOME and the like
+    std::string programs_folder;                                  ///< what can be started lies here
+    std::string state_folder;                                     ///< of this server alone; it exists
+    std::vector<endpoint> name_servers = {default_name_server()}; ///< told to what it starts
+    std::vector<std::pair<std::string, std::string>> variables;   ///< of what it starts: PATH, HOME and the like
     launch_rules rules;
     std::size_t max_instances = 64; ///< those that have ended count until their place is needed
     std::size_t max_starts = 30;    ///< within `starts_window`, of all kinds

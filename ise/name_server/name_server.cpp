@@ -1,6 +1,7 @@
 #include <ise/name_server/name_server.hpp>
 
 #include <ise/access/guard.hpp>
+#include <ise/name_server/shared_names.hpp>
 #include <ise/service/service_host.hpp>
 
 #include <fmt/format.h>
@@ -37,15 +38,8 @@ void name_server::keep_ahead() {
             fmt::format("the next name server will not know the grants of this one: {}", kept.error().message()));
 }
 
-task<> name_server::run() {
-    recall();
-    registry_options options;
-    options.lease = options_.lease;
-    options.recovery = options_.fresh ? duration{} : options_.lease;
-    options.limits = options_.limits;
-    registry_ = std::make_unique<registry>(options, services().self().incarnation, now(), wall(), memory_);
-    keep_ahead();
-
+// What changes names: of this name server alone, decided at once.
+void name_server::provide_own_names() {
     provide(naming::enroll, [this](naming::register_request request, const call_context& by) {
         auto response = enroll(std::move(request), by.verified);
         keep_ahead();
@@ -67,9 +61,42 @@ task<> name_server::run() {
         changed();
         return response;
     });
+}
+
+// The same with a store: decided there.
+void name_server::provide_shared_names() {
+    store_ = options_.store(env(), on());
+    shared_ = std::make_unique<shared_names>(on(), env(), services().scope(), services().log(), *store_, *registry_,
+                                             services().self().incarnation, [this] { changed(); });
+    provide(naming::enroll, [this](naming::register_request request, const call_context& by) {
+        return enroll_shared(std::move(request), by.verified);
+    });
+    provide(naming::renew, [this](naming::renew_request request) { return shared_->renew(request); });
+    provide(naming::withdraw,
+            [this](naming::withdraw_request request) { return shared_->withdraw(std::move(request)); });
+    provide(naming::ended, [this](naming::ended_request request) { return shared_->end(std::move(request)); });
+}
+
+task<> name_server::run() {
+    if (!options_.store) recall();
+    else memory_.secret = {env().random(), env().random()};
+    registry_options options;
+    options.lease = options_.lease;
+    options.recovery = options_.fresh ? duration{} : options_.lease;
+    options.limits = options_.limits;
+    options.shared = static_cast<bool>(options_.store);
+    registry_ = std::make_unique<registry>(options, services().self().incarnation, now(), wall(), memory_);
+    if (!options_.store) keep_ahead();
+
+    if (options_.store) provide_shared_names();
+    else provide_own_names();
     provide(naming::resolve,
             [this](naming::resolve_request request) { return registry_->resolve(request.path, now()); });
-    provide(naming::list, [this](naming::list_request request) { return registry_->list(request, now()); });
+    provide(naming::list, [this](naming::list_request request) {
+        auto response = registry_->list(request, now());
+        if (shared_) response.trouble = shared_->trouble();
+        return response;
+    });
     provide(naming::lost, [this](naming::lost_request request) { return registry_->lost(request.prefix, now()); });
     provide(naming::describe,
             [this](naming::describe_request request) { return registry_->describe(request.path, now()); });
@@ -112,14 +139,11 @@ task<> name_server::run() {
 }
 
 // What the access policy does not let the claimant have is not claimed: a path is refused, a role is left out.
-naming::register_response name_server::enroll(naming::register_request request, const verified_peer* by) {
+name_server::judged name_server::judge(naming::register_request& request, const verified_peer* by) {
+    judged all;
     auto* policy = services().access();
-    if (!policy || !by || by->same_process) return registry_->enroll(request, now());
-    struct answer {
-        std::string path, against;
-        bool refused = false;
-    };
-    std::vector<answer> answers;
+    if (!policy || !by || by->same_process) return all;
+    auto& answers = all.answers;
     std::vector<naming::component_claim> allowed;
     for (auto& claim : request.components) {
         auto& last = answers.emplace_back();
@@ -154,10 +178,15 @@ naming::register_response name_server::enroll(naming::register_request request, 
         allowed.push_back(std::move(claim));
     }
     if (claimed_.size() > 2 * options_.limits.max_nodes) claimed_.clear(); // told once more, if need be
-    const bool nothing = allowed.empty() && !answers.empty();
+    all.all_refused = allowed.empty() && !answers.empty();
     request.components = std::move(allowed);
+    return all;
+}
+
+naming::register_response name_server::enroll(naming::register_request request, const verified_peer* by) {
+    auto all = judge(request, by);
     naming::register_response response;
-    if (!nothing) response = registry_->enroll(request, now());
+    if (!all.all_refused) response = registry_->enroll(request, now());
     else {
         response.server_incarnation = services().self().incarnation;
         naming::renew_request held; // what was granted before stays
@@ -167,9 +196,33 @@ naming::register_response name_server::enroll(naming::register_request request, 
             response.lease_number = known.lease_number;
         }
     }
+    merge(all, response);
+    return response;
+}
+
+task<naming::register_response> name_server::enroll_shared(naming::register_request request, const verified_peer* by) {
+    auto all = judge(request, by);
+    naming::register_response response;
+    if (!all.all_refused) {
+        response = co_await shared_->enroll(std::move(request));
+    } else {
+        naming::renew_request held; // what was granted before stays
+        held.lease_key = request.node.lease_key;
+        auto known = co_await shared_->renew(held);
+        response.server_incarnation = known.server_incarnation;
+        response.lease = known.lease;
+        response.lease_number = known.lease_number;
+    }
+    changed();
+    merge(all, response);
+    co_return response;
+}
+
+void name_server::merge(const judged& all, naming::register_response& response) {
+    if (all.answers.empty()) return;
     std::vector<naming::grant> grants;
     auto next = response.grants.begin();
-    for (auto& one : answers) {
+    for (const auto& one : all.answers) {
         if (!one.refused && next != response.grants.end()) {
             if (next->what == naming::verdict::granted && !one.against.empty()) next->reason = one.against;
             grants.push_back(std::move(*next++));
@@ -182,11 +235,11 @@ naming::register_response name_server::enroll(naming::register_request request, 
         grants.push_back(std::move(refused));
     }
     response.grants = std::move(grants);
-    return response;
 }
 
 void name_server::tick() {
     registry_->advance(now());
+    if (shared_) shared_->tick();
     changed();
     if (recovering_ && !registry_->recovering(now())) { // from now on what is told is all there is
         recovering_ = false;

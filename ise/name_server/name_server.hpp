@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/component/component.hpp>
+#include <ise/name_server/name_store.hpp>
 #include <ise/name_server/registry.hpp>
 #include <ise/name_server/server_memory.hpp>
 
@@ -23,7 +24,12 @@ struct name_server_options {
     /// that claims its name (docs/security.md), and epochs increase only as far as the clock and returning holders
     /// show.
     std::shared_ptr<server_memory> memory;
+    /// Makes the store that this name server shares with others, on its loop; then `memory` and `fresh` do not count.
+    /// Empty: names are kept in memory, by this name server alone.
+    std::function<std::unique_ptr<name_store>(environment&, loop&)> store;
 };
+
+class shared_names;
 
 /// The name server: an ordinary component that serves a `registry` (ise/naming/services.hpp). It is
 /// started with `registers = false` in a node with `use_names = false`, on a well-known endpoint:
@@ -43,8 +49,23 @@ public:
 
 private:
     task<> run() override;
+    /// What the access policy leaves of a request, and its answers for the rest.
+    struct judged {
+        struct answer {
+            std::string path, against;
+            bool refused = false;
+        };
+        std::vector<answer> answers;
+        bool all_refused = false;
+    };
+    judged judge(naming::register_request& request, const verified_peer* by);
+    void provide_own_names();
+    void provide_shared_names();
     task<naming::await_response> wait_for(std::string path, std::uint64_t other_than, time_point until);
+    /// Completes the answer to what `judge` has left.
+    static void merge(const judged& all, naming::register_response& response);
     naming::register_response enroll(naming::register_request request, const verified_peer* by);
+    task<naming::register_response> enroll_shared(naming::register_request request, const verified_peer* by);
     /// What every change ends with: watchers hear of it, and those who wait for a name.
     void changed();
     void recall();
@@ -64,6 +85,8 @@ private:
     name_server_options options_;
     registry_memory memory_;
     std::unique_ptr<registry> registry_;
+    std::unique_ptr<name_store> store_;
+    std::unique_ptr<shared_names> shared_; // over the store
     publication<subscription<naming::name_events, naming::watch_request>> events_;
     std::map<std::uint64_t, watcher> watchers_; // by the subscriber's number
     publication<subscription<naming::role_members, naming::role_request>> role_changes_;

@@ -70,8 +70,17 @@ void registry::advance(time_point now) { expire(running_time(now)); }
 bool registry::recovering(time_point now) { return running_time(now) < recovered_; }
 
 void registry::expire(time_point at) {
-    while (!expiries_.empty() && expiries_.begin()->first <= at)
+    while (!expiries_.empty() && expiries_.begin()->first <= at) {
+        if (options_.shared) {
+            auto& late = nodes_.at(expiries_.begin()->second);
+            expiries_.erase(expiries_.begin());
+            late.expires = time_point::max();
+            expiries_.emplace(late.expires, late.who.lease_key);
+            overdue_.push_back(late.who.lease_key);
+            continue;
+        }
         end(nodes_.find(expiries_.begin()->second), end_of_lease::ran_out, at);
+    }
 }
 
 void registry::end(std::unordered_map<std::uint64_t, node>::iterator gone, end_of_lease why, time_point at) {
@@ -128,9 +137,7 @@ naming::register_response registry::enroll(const naming::register_request& reque
     response.lease = from.lease;
     response.lease_number = from.number;
 
-    std::string unusable; // a schema that is none concerns those who wrote it, not the names
-    for (const auto& text : request.schemas)
-        if (auto kept = schemas_.offer(text); !kept && unusable.empty()) unusable = kept.error().message();
+    auto unusable = take(request.schemas);
     for (const auto& claim : request.components) {
         response.grants.push_back(decide(from, claim, at));
         auto& last = response.grants.back();
@@ -138,6 +145,14 @@ naming::register_response registry::enroll(const naming::register_request& reque
     }
     schemas_.sweep();
     return response;
+}
+
+// A schema that is none concerns those who wrote it, not the names.
+std::string registry::take(const std::vector<naming::schema_text>& schemas) {
+    std::string unusable;
+    for (const auto& text : schemas)
+        if (auto kept = schemas_.offer(text); !kept && unusable.empty()) unusable = kept.error().message();
+    return unusable;
 }
 
 // Only this server, and one that has its secret, can tell it; and it is of no use to another node.
@@ -187,29 +202,36 @@ naming::grant registry::decide(node& from, naming::component_claim claim, time_p
     return accept(from, std::move(claim), believed && nobody_since ? shown : fresh());
 }
 
-naming::grant registry::accept(node& from, naming::component_claim claim, std::uint64_t epoch) {
+std::optional<std::string> registry::no_room(const node& from, const naming::component_claim& claim) const {
     const auto& limits = options_.limits;
+    auto held = by_path_.find(claim.path);
+    const auto* before = held == by_path_.end() ? nullptr : &held->second->second.claim;
+    auto services = services_ + claim.services.size() - (before ? before->services.size() : 0);
+    auto claims_bytes = claims_bytes_ + memory_of(claim) - (before ? memory_of(*before) : 0);
+    auto names = from.paths.size() + from.lost.size();
+    if (!before && components_.size() >= limits.max_components)
+        return fmt::format("{} names are registered, which is max_components", components_.size());
+    if (names >= limits.max_components_per_node && !from.paths.contains(claim.path) && !from.lost.contains(claim.path))
+        return fmt::format("{} names of this node are registered or were lost, which is max_components_per_node",
+                           names);
+    if (services > limits.max_services)
+        return fmt::format("{} services are registered, max_services is {}", services_, limits.max_services);
+    if (claims_bytes > limits.max_claims_bytes)
+        return fmt::format("all claims would take {} bytes, max_claims_bytes is {}", claims_bytes,
+                           limits.max_claims_bytes);
+    return objection_to_roles(claim);
+}
+
+naming::grant registry::accept(node& from, naming::component_claim claim, std::uint64_t epoch) {
+    if (auto why = no_room(from, claim)) return not_yet(claim.path, patience(), std::move(*why));
+    return place(from, std::move(claim), epoch);
+}
+
+naming::grant registry::place(node& from, naming::component_claim claim, std::uint64_t epoch) {
     auto held = find(claim.path);
     bool is_new = held == components_.end();
     auto services = services_ + claim.services.size() - (is_new ? 0 : held->second.claim.services.size());
     auto claims_bytes = claims_bytes_ + memory_of(claim) - (is_new ? 0 : memory_of(held->second.claim));
-    auto names = from.paths.size() + from.lost.size();
-    if (is_new && components_.size() >= limits.max_components)
-        return not_yet(claim.path, patience(),
-                       fmt::format("{} names are registered, which is max_components", components_.size()));
-    if (names >= limits.max_components_per_node && !from.paths.contains(claim.path) && !from.lost.contains(claim.path))
-        return not_yet(
-            claim.path, patience(),
-            fmt::format("{} names of this node are registered or were lost, which is max_components_per_node", names));
-    if (services > limits.max_services)
-        return not_yet(claim.path, patience(),
-                       fmt::format("{} services are registered, max_services is {}", services_, limits.max_services));
-    if (claims_bytes > limits.max_claims_bytes)
-        return not_yet(claim.path, patience(),
-                       fmt::format("all claims would take {} bytes, max_claims_bytes is {}", claims_bytes,
-                                   limits.max_claims_bytes));
-    if (auto why = objection_to_roles(claim)) return not_yet(claim.path, patience(), std::move(*why));
-
     last_epoch_ = std::max(last_epoch_, epoch);
     claim.epoch = epoch;
     naming::grant granted;
@@ -351,6 +373,11 @@ naming::holder registry::holder_of(const component& held, time_point at) const {
     if (!held.claim.endpoints.empty()) who.endpoint = held.claim.endpoints.front();
     who.lease_age = at - held.owner->renewed;
     who.renewals = held.owner->renewals;
+    // Kept by another server, which is not heard renewing it: it lives as long as the store's lease, which is shorter
+    // than two of these.
+    if (options_.shared && held.owner->expires == time_point::max())
+        who.renewals +=
+            static_cast<std::uint64_t>((at - std::max(held.owner->renewed, heard_since_)) / std::chrono::seconds(6));
     return who;
 }
 
@@ -372,6 +399,74 @@ void registry::note(naming::name_change what, const component& held) {
     event.what = what;
     event.name = listed(held);
     changes_.push_back(std::move(event));
+}
+
+// --- of a store that is shared ------------------------------------------------------------------------------------
+
+void registry::know_node(const naming::node_identity& who, duration lease, bool kept_here, time_point now) {
+    auto at = running_time(now);
+    auto [known, is_new] = nodes_.try_emplace(who.lease_key);
+    auto& one = known->second;
+    if (is_new) one.number = ++last_lease_;
+    one.who = who;
+    one.lease = std::clamp(lease, min_lease, options_.lease);
+    if (kept_here || is_new) renew_lease(one, at);
+    if (kept_here) return;
+    expiries_.erase({one.expires, who.lease_key});
+    one.expires = time_point::max();
+    expiries_.emplace(one.expires, who.lease_key);
+}
+
+void registry::end_node(std::uint64_t lease_key, time_point now) {
+    auto at = running_time(now);
+    if (auto known = nodes_.find(lease_key); known != nodes_.end()) end(known, end_of_lease::ran_out, at);
+}
+
+void registry::hold(std::uint64_t lease_key, naming::component_claim claim, time_point now) {
+    auto at = running_time(now);
+    auto known = nodes_.find(lease_key);
+    if (known == nodes_.end()) return;
+    node* loser = nullptr;
+    auto path = claim.path;
+    if (auto held = find(path); held != components_.end() && held->second.owner != &known->second)
+        loser = held->second.owner;
+    auto epoch = claim.epoch;
+    place(known->second, std::move(claim), epoch); // the limits were kept where it was granted
+    if (loser) loser->lost[path] = denied(path, verdict::superseded, find(path)->second, at);
+}
+
+void registry::drop(std::string_view path, time_point now) {
+    (void)running_time(now);
+    if (find(path) != components_.end()) remove(std::string(path));
+}
+
+void registry::offer(const std::vector<naming::schema_text>& schemas, std::vector<naming::grant>& grants) {
+    auto unusable = take(schemas);
+    for (auto& one : grants)
+        if (one.what == verdict::granted) one.reason = unusable;
+    schemas_.sweep();
+}
+
+std::vector<std::uint64_t> registry::take_overdue() { return std::exchange(overdue_, {}); }
+
+std::vector<std::uint64_t> registry::marked(const std::string& launch_mark) const {
+    std::vector<std::uint64_t> found;
+    for (const auto& [key, one] : nodes_)
+        if (one.who.launch_mark == launch_mark) found.push_back(key);
+    return found;
+}
+
+std::optional<naming::grant> registry::held_by_other(const naming::component_claim& claim, std::uint64_t lease_key,
+                                                     time_point now) {
+    auto at = running_time(now);
+    auto held = find(claim.path);
+    if (held == components_.end() || held->second.owner->who.lease_key == lease_key) return std::nullopt;
+    return denied(claim.path, claim.epoch != 0 ? verdict::superseded : verdict::taken, held->second, at);
+}
+
+std::optional<std::string> registry::no_room(const naming::component_claim& claim, std::uint64_t lease_key) const {
+    auto known = nodes_.find(lease_key);
+    return known == nodes_.end() ? std::nullopt : no_room(known->second, claim);
 }
 
 std::vector<naming::name_event> registry::take_changes() { return std::exchange(changes_, {}); }

@@ -30,6 +30,7 @@ struct registry_options {
     /// holder has not yet been able to renew. The longest lease, where a server may have run before.
     duration recovery = std::chrono::seconds(2);
     registry_limits limits;
+    bool shared = false; ///< names come from a store (`shared_names`): `hold` and `drop`; leases end by `end_node`
 };
 
 /// Who holds which name, and until when: the decisions of the name server, without its services. Times are passed in
@@ -57,6 +58,32 @@ public:
     void withdraw(const naming::withdraw_request& request, time_point now);
     /// Errors: errc::refused for a mark that is too short to be a secret.
     result<naming::ended_response> end(const naming::ended_request& request, time_point now);
+
+    // Of a store that several registries share, which decides who holds what.
+
+    /// A node of the store; its lease ends here, or is kept by another server.
+    void know_node(const naming::node_identity& who, duration lease, bool kept_here, time_point now);
+    /// Ends a lease, and the names under it.
+    void end_node(std::uint64_t lease_key, time_point now);
+    /// The node that was known before holds the name under `claim.epoch`.
+    void hold(std::uint64_t lease_key, naming::component_claim claim, time_point now);
+    /// Nobody holds it now.
+    void drop(std::string_view path, time_point now);
+    /// The nodes kept here whose leases have run out since it was last asked.
+    std::vector<std::uint64_t> take_overdue();
+    /// The nodes whose processes were started with that mark.
+    std::vector<std::uint64_t> marked(const std::string& launch_mark) const;
+    /// Keeps schemas that the granted services name; the reason for those that are none goes into the grants.
+    void offer(const std::vector<naming::schema_text>& schemas, std::vector<naming::grant>& grants);
+    /// The store has been heard without a break since then: what another server keeps may have been renewed.
+    void heard_since(time_point now) { heard_since_ = running_time(now); }
+    /// Whether all names of the store are known. Until then none is said not to exist.
+    void complete(bool known) { recovered_ = known ? time_point::min() : time_point::max(); }
+    /// The answer to a claim for what another holds; nothing: nobody does, or the same node.
+    std::optional<naming::grant> held_by_other(const naming::component_claim& claim, std::uint64_t lease_key,
+                                               time_point now);
+    /// Why a claim of a known node has no room now, by the limit's name.
+    std::optional<std::string> no_room(const naming::component_claim& claim, std::uint64_t lease_key) const;
 
     /// A name, else a role of that path.
     result<naming::resolve_response> resolve(std::string_view path, time_point now);
@@ -132,6 +159,9 @@ private:
     duration patience() const noexcept { return options_.lease / 2; }
     naming::grant decide(node& from, naming::component_claim claim, time_point at);
     naming::grant accept(node& from, naming::component_claim claim, std::uint64_t epoch);
+    naming::grant place(node& from, naming::component_claim claim, std::uint64_t epoch);
+    std::string take(const std::vector<naming::schema_text>& schemas);
+    std::optional<std::string> no_room(const node& from, const naming::component_claim& claim) const;
     std::optional<std::string> objection_to_roles(const naming::component_claim& claim) const;
     void serve_roles(const component& who);
     void leave_roles(const component& who);
@@ -163,6 +193,8 @@ private:
     std::size_t claims_bytes_ = 0;
     std::uint64_t last_lease_ = 0;
     std::vector<naming::name_event> changes_;
+    time_point heard_since_{};
+    std::vector<std::uint64_t> overdue_; // where names are shared
 };
 
 } // namespace ise

@@ -1,6 +1,7 @@
 #include <ise/naming/lease_registrar.hpp>
 
 #include <ise/core/sleep.hpp>
+#include <ise/naming/name_servers.hpp>
 #include <ise/service/back_off.hpp>
 
 #include <fmt/format.h>
@@ -19,11 +20,11 @@ constexpr duration max_pause = std::chrono::milliseconds(500);
 
 } // namespace
 
-lease_registrar::lease_registrar(service_host& host, endpoint name_server, duration lease)
-    : host_(host), server_(std::move(name_server)), lease_(std::max(lease, duration(std::chrono::milliseconds(50)))),
+lease_registrar::lease_registrar(service_host& host, const std::vector<endpoint>& name_servers, duration lease)
+    : host_(host), servers_(text_of(name_servers)), lease_(std::max(lease, duration(std::chrono::milliseconds(50)))),
       lease_key_(host.env().random() | 1), batch_size_(max_batch),
       told_departures_(host.on(), [this] { told_departures_.resume(); }), news_(host.on(), [this] { news_.resume(); }) {
-    auto way = host_.link_to(server_, std::string(naming::server_path));
+    auto way = host_.link_to(name_servers, std::string(naming::server_path));
     way->hurry(std::min(lease_ / 4, max_pause), std::max(lease_ / 2, min_patience));
     names_ = remote(std::move(way));
     host_.scope().spawn("names", keep(*this));
@@ -371,8 +372,7 @@ void lease_registrar::lease_granted(time_point sent_at, duration length) {
     valid_until_ = granted ? saturating_add(sent_at, lease_) : time_point::min();
     renew_at_ = granted ? saturating_add(sent_at, lease_ / 3) : time_point::max();
     obstacle_.clear();
-    if (std::exchange(complained_, false))
-        host_.log().info("the name server is back", {{"name_server", server_.text()}});
+    if (std::exchange(complained_, false)) host_.log().info("the name server is back", {{"name_server", servers_}});
 }
 
 // Where the last lease was over when something was told, that made another one: the server has forgotten all else. Its
@@ -392,7 +392,7 @@ void lease_registrar::tell_again_all() {
 // It was restarted, or we were away for too long: everything is told again, with the epochs that were granted.
 void lease_registrar::lease_lost() {
     host_.log().info("the name server does not know this node any more: registering again",
-                     {{"name_server", server_.text()}});
+                     {{"name_server", servers_}});
     valid_until_ = time_point::min();
     renew_at_ = time_point::max();
     tell_again_all();
@@ -400,13 +400,14 @@ void lease_registrar::lease_lost() {
 }
 
 void lease_registrar::unreachable(const failure& why) {
-    obstacle_ = fmt::format("the name server at {} does not answer: {}", server_.text(), why.message());
+    if (why.code() == errc::timed_out || why.code() == errc::refused) names_.way().try_next(why);
+    obstacle_ = fmt::format("the name server at {} does not answer: {}", servers_, why.message());
     if (confirmed() || host_.scope().stopping() || std::exchange(complained_, true)) return;
     bool holds = std::ranges::any_of(holdings_, [](const auto& entry) { return entry.second->epoch != 0; });
     host_.log().warning(holds ? "names are unconfirmed: they could not be renewed in time, sessions go on"
                               : "the name server does not answer, trying on: is ise_name_server running there, and "
                                 "does ISE_NAME_SERVER say where?",
-                        {{"name_server", server_.text()}, {"cause", why.message()}});
+                        {{"name_server", servers_}, {"cause", why.message()}});
 }
 
 } // namespace ise

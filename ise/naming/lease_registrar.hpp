@@ -27,7 +27,9 @@ namespace ise {
 /// died a moment ago is waited for until its lease is over.
 class lease_registrar final : public registrar {
 public:
-    lease_registrar(service_host& host, endpoint name_server, duration lease);
+    /// `name_servers`: they share a store; the next one is asked when one is lost, does not answer, or says that it
+    /// cannot grant.
+    lease_registrar(service_host& host, const std::vector<endpoint>& name_servers, duration lease);
     ~lease_registrar() override;
 
     task<result<std::uint64_t>> enroll(registration who, duration deadline) override;
@@ -75,8 +77,8 @@ private:
     void wake();
 
     service_host& host_;
-    endpoint server_;
-    duration lease_; // wanted, then as granted
+    std::string servers_; // for people
+    duration lease_;      // wanted, then as granted
     remote names_;
     std::uint64_t lease_key_;
     std::map<std::string, std::unique_ptr<held_name>> holdings_;

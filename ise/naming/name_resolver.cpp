@@ -1,6 +1,7 @@
 #include <ise/naming/name_resolver.hpp>
 
 #include <ise/core/sleep.hpp>
+#include <ise/naming/name_servers.hpp>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -64,14 +65,14 @@ std::vector<endpoint> reachable_endpoints(const naming::resolve_response& from, 
     return nearest_first;
 }
 
-name_resolver::name_resolver(service_host& host, endpoint name_server)
-    : host_(host), server_(std::move(name_server)), idle_(host.on(), [this] { held_ = remote(); }) {}
+name_resolver::name_resolver(service_host& host, std::vector<endpoint> name_servers)
+    : host_(host), servers_(std::move(name_servers)), idle_(host.on(), [this] { held_ = remote(); }) {}
 
 name_resolver::~name_resolver() = default;
 
 remote name_resolver::server() {
     if (!held_) {
-        auto way = host_.link_to(server_, std::string(naming::server_path));
+        auto way = host_.link_to(servers_, std::string(naming::server_path));
         way->hurry(max_lookup_pause, std::chrono::seconds(2));
         held_ = remote(std::move(way));
     }
@@ -82,7 +83,7 @@ remote name_resolver::server() {
 std::string name_resolver::trouble() const {
     if (!held_ || held_.way().current()) return {};
     auto why = held_.way().obstacle();
-    return fmt::format("the name server at {} does not answer{}{}", server_.text(), why.empty() ? "" : ": ", why);
+    return fmt::format("the name server at {} does not answer{}{}", text_of(servers_), why.empty() ? "" : ": ", why);
 }
 
 void name_resolver::note_server(const failure* why, duration waited) {
@@ -91,6 +92,7 @@ void name_resolver::note_server(const failure* why, duration waited) {
     } else if (server_missing(*why) &&
                waited >= patience_with_memory) { // the way alone may take longer than a brief question
         lost_at_ = host_.on().now();
+        if (held_ && why->code() == errc::timed_out) held_.way().try_next(*why);
     }
 }
 

@@ -19,7 +19,8 @@ namespace ise {
 /// so that a handle goes on with another member without asking anybody. Lifetime: the host outlives it.
 class name_resolver final : public resolver {
 public:
-    name_resolver(service_host& host, endpoint name_server);
+    /// `name_servers`: as for `lease_registrar`.
+    name_resolver(service_host& host, std::vector<endpoint> name_servers);
     ~name_resolver();
 
     /// errc::no_such_name: nobody holds it, or serves the role; errc::unreachable: there is no endpoint that reaches
@@ -35,7 +36,7 @@ public:
     void follow(const std::string& role, peer_channel& who) override;
     void unfollow(const std::string& role, peer_channel& who) noexcept override;
 
-    const endpoint& name_server() const noexcept { return server_; }
+    const std::vector<endpoint>& name_servers() const noexcept { return servers_; }
 
 private:
     struct memory {
@@ -58,7 +59,7 @@ private:
     void remember(const std::string& path, const resolution& who);
 
     service_host& host_;
-    endpoint server_;
+    std::vector<endpoint> servers_;
     remote held_; // the session to the server, for as long as questions come
     timer idle_;
     std::map<std::string, memory> known_;

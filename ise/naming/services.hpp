@@ -258,6 +258,7 @@ struct list_request {
 struct list_response {
     std::vector<listed_name> names; ///< by path
     bool more = false;              ///< ask again, after the last path here
+    std::string trouble; ///< for people: why the names are unconfirmed and none is granted; empty: nothing is known
 };
 
 /// Asks for all of a component.

@@ -30,12 +30,18 @@ failure overloaded(session& over, const std::string& who, execution began = exec
 
 } // namespace
 
-peer_channel::peer_channel(channel_context& of, std::string path, std::optional<endpoint> fixed, role_options how)
+std::string text_of(const std::vector<endpoint>& all) {
+    std::string text;
+    for (const auto& one : all) text += (text.empty() ? "" : ",") + one.text();
+    return text;
+}
+
+peer_channel::peer_channel(channel_context& of, std::string path, std::vector<endpoint> fixed, role_options how)
     : session_owner(of.calls.next_range(), true), of_(of), path_(std::move(path)), fixed_(std::move(fixed)),
-      name_(fixed_ ? fixed_->text() : path_), how_(how),
+      name_(fixed_.empty() ? path_ : text_of(fixed_)), how_(how),
       pause_(of.runtime.env(), runtime().options().first_back_off, runtime().options().max_back_off),
       connect_time_(runtime().options().connect_time), spread_(runtime().options().max_back_off / 10),
-      located_(fixed_.has_value()) {
+      located_(!fixed_.empty()) {
     of_.uses.add(*this);
 }
 
@@ -59,7 +65,7 @@ void peer_channel::hurry(duration max_pause, duration connect_time) noexcept {
 }
 
 std::string peer_channel::obstacle() const {
-    if (!obstacle_.empty() || fixed_ || !reconnects()) return obstacle_;
+    if (!obstacle_.empty() || !fixed_.empty() || !reconnects()) return obstacle_;
     return of_.names ? of_.names->trouble() : std::string();
 }
 
@@ -256,7 +262,7 @@ task<> peer_channel::maintain(std::shared_ptr<peer_channel> self) {
 task<> peer_channel::wait_before_next_try(duration pause) {
     auto& on = runtime().on();
     auto until = saturating_add(on.now(), pause);
-    auto* names = fixed_ ? nullptr : of_.names.get();
+    auto* names = fixed_.empty() ? of_.names.get() : nullptr;
     // A short pause is over before it is worth a question.
     if (names && pause > spread_) {
         auto life = co_await names->next_life(path_, tried_life_, until);
@@ -324,10 +330,10 @@ void peer_channel::stop() {
 
 task<result<std::shared_ptr<session>>> peer_channel::establish() {
     resolution found;
-    if (fixed_) {
+    if (!fixed_.empty()) {
         auto& there = found.members.emplace_back();
         there.path = path_;
-        there.endpoints.push_back(*fixed_);
+        there.endpoints = fixed_;
     } else {
         auto* names = of_.names.get();
         if (!names)
@@ -371,11 +377,18 @@ task<result<std::shared_ptr<session>>> peer_channel::reach(location where, durat
         auto deadline = std::min(saturating_add(runtime().on().now(), patience), until);
         // The stream is connected under the same deadline as the greeting.
         auto made = co_await of_.sessions.connect(where, at, deadline, weak_from_this());
+        if (made && !fixed_.empty()) std::ranges::rotate(fixed_, std::ranges::find(fixed_, at));
         if (made) co_return made;
         last = made.error();
         tried += fmt::format("{}{}", tried.empty() ? "" : "; ", last.message());
     }
     co_return failure(last.code(), tried.empty() ? last.message() : tried);
+}
+
+void peer_channel::try_next(const failure& why) {
+    if (fixed_.size() < 2 || !session_ || !session_->open()) return;
+    runtime().log().info("goes on with the next one", {{"provider", fixed_.front().text()}, {"cause", why.message()}});
+    session_->finish(failure(errc::peer_lost, why.message()), duration{});
 }
 
 void peer_channel::on_session_end(session& ended, const failure& cause) {
@@ -389,6 +402,7 @@ void peer_channel::on_session_end(session& ended, const failure& cause) {
     }
     session_.reset();
     obstacle_ = cause.message();
+    if (!fixed_.empty()) std::ranges::rotate(fixed_, fixed_.begin() + 1); // the next one, before this one again
     if (role_) lose_member(ended, cause);
     if (runtime().stopping()) {
         stop();

@@ -43,10 +43,9 @@ class peer_channel final : public std::enable_shared_from_this<peer_channel>,
                            public subscription_owner,
                            public use_target {
 public:
-    /// To whoever holds `path`, or to that component at `fixed`, where an empty path is whoever listens. Lifetime: `of`
-    /// outlives it.
-    peer_channel(channel_context& of, std::string path, std::optional<endpoint> fixed,
-                 role_options how = role_options());
+    /// To whoever holds `path`, or to that component at one of `fixed`, where an empty path is whoever listens.
+    /// Lifetime: `of` outlives it.
+    peer_channel(channel_context& of, std::string path, std::vector<endpoint> fixed, role_options how = role_options());
     /// Back to the peer of a session that it made.
     peer_channel(channel_context& of, const std::shared_ptr<session>& peer);
     ~peer_channel();
@@ -82,6 +81,9 @@ public:
 
     /// Tries again sooner than the component's options say: for a provider that many depend on.
     void hurry(duration max_pause, duration connect_time) noexcept;
+
+    /// Of several endpoints: leaves the session, and tries the one after it. Nothing is done where there is one only.
+    void try_next(const failure& why);
 
     const std::shared_ptr<session>& current() const noexcept { return session_; }
     /// The path of the component that it talks to now, of a role the member; empty without a session.
@@ -122,7 +124,7 @@ private:
 
     channel_context& of_;
     std::string path_;
-    std::optional<endpoint> fixed_;
+    std::vector<endpoint> fixed_; // the one that is tried first, or that the session is with, at the front
     std::string name_;
     std::string obstacle_;
     std::shared_ptr<session> session_;

@@ -12,6 +12,9 @@ namespace ise {
 
 class peer_channel;
 
+/// Endpoints with commas between them.
+std::string text_of(const std::vector<endpoint>& all);
+
 /// Where a component is reached, and which life of it.
 struct location {
     std::string path;                ///< empty: whoever listens there

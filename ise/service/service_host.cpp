@@ -61,14 +61,14 @@ std::shared_ptr<peer_channel> service_host::link_to(const std::string& path, rol
     // No path has a blank.
     auto& known = links_[how.come_back ? fmt::format("{} {}", path, how.steady.count()) : path + " stay"];
     auto held = known.lock();
-    if (!held) known = held = std::make_shared<peer_channel>(links_share_, path, std::nullopt, how);
+    if (!held) known = held = std::make_shared<peer_channel>(links_share_, path, std::vector<endpoint>(), how);
     return held;
 }
 
-std::shared_ptr<peer_channel> service_host::link_to(const endpoint& at, const std::string& path) {
-    auto& known = links_[path.empty() ? at.text() : fmt::format("{} {}", at.text(), path)];
+std::shared_ptr<peer_channel> service_host::link_to(const std::vector<endpoint>& any_of, const std::string& path) {
+    auto& known = links_[fmt::format("{} {}", text_of(any_of), path)];
     auto held = known.lock();
-    if (!held) known = held = std::make_shared<peer_channel>(links_share_, path, at);
+    if (!held) known = held = std::make_shared<peer_channel>(links_share_, path, any_of);
     return held;
 }
 

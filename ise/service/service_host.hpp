@@ -41,7 +41,11 @@ public:
     /// The link to a path or an endpoint; one for all who talk to it, and to a role in the same way.
     std::shared_ptr<peer_channel> link_to(const std::string& path, role_options how = role_options());
     /// `path`: of the component that is to answer there; empty: whoever listens.
-    std::shared_ptr<peer_channel> link_to(const endpoint& at, const std::string& path = std::string());
+    std::shared_ptr<peer_channel> link_to(const endpoint& at, const std::string& path = std::string()) {
+        return link_to(std::vector<endpoint>{at}, path);
+    }
+    /// To the component at one of several endpoints, the next one where one is lost.
+    std::shared_ptr<peer_channel> link_to(const std::vector<endpoint>& any_of, const std::string& path);
     /// Back to the peer of a session that it made.
     std::shared_ptr<peer_channel> link_back(const std::shared_ptr<session>& over);
     ise::resolver* resolver() const noexcept { return links_share_.names.get(); }

@@ -2,6 +2,7 @@
 // by one write(), so that kill -9 loses nothing of it. The lines are those that checker.py reads. usage: story_party
 // provider|requester|subscriber LOG ENDPOINT|PATH [NAME=VALUE]...
 #include <ise/ise.hpp>
+#include <ise/naming/name_servers.hpp>
 #include <ise/service/service_host.hpp>
 
 #include <fmt/format.h>
@@ -228,7 +229,7 @@ int run(const std::string& role, const std::string& log_file, const std::string&
     ise::real_environment env;
     ise::node_options options;
     options.use_names = set.values.contains("names");
-    if (options.use_names) options.name_server = ise::endpoint::parse(set.text("names", "")).value();
+    if (options.use_names) options.name_servers = ise::parse_name_servers(set.text("names", "")).value();
     ise::node node(env, std::move(options));
     ise::component_options how;
     std::string says = "ready";

@@ -97,7 +97,7 @@ void mission::start_lines() {
 void mission::start_operator(std::size_t which) {
     const auto& name = told_.people[which].name;
     console::gui_client_options options;
-    options.name_server = options_.names;
+    options.name_servers = {options_.names};
     {
         std::lock_guard lock(mutex_);
         consoles_[which] = options.port;

@@ -78,7 +78,7 @@ int main(int argc, char** argv) {
         ise::real_environment world;
         ise::node_options terms;
         terms.name = "mission";
-        terms.name_server = options.names;
+        terms.name_servers = {options.names};
         terms.log = ise::log_to_stderr(ise::log_level::error);
         stress::mission sea(world, std::move(terms), std::move(options));
         bool whole = sea.sail();

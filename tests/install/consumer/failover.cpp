@@ -33,7 +33,7 @@ int main() {
     fresh.fresh = true;
     auto& server = names.start<ise::name_server>(std::string(ise::naming::server_path), port, fresh);
     ise::node_options options;
-    options.name_server = server.services().listening().front();
+    options.name_servers = {server.services().listening().front()};
     ise::node node(env, options);
 
     for (int priority : {2, 1}) {

@@ -112,7 +112,7 @@ std::string harbour::policy() const { return text_of(folder_ / "access.toml"); }
 
 ise::node_options harbour::node_of(const std::string& who) const {
     ise::node_options options;
-    options.name_server = ise::endpoint::parse(name_server_).value();
+    options.name_servers = {ise::endpoint::parse(name_server_).value()};
     options.security.tls_folder = file(who);
     options.log = {};
     return options;

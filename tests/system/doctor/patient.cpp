@@ -123,7 +123,7 @@ int main(int count, char** words) {
         ise::node_options options;
         options.log = ise::log_to_stderr(ise::log_level::info);
         options.lease = std::chrono::seconds(std::atoi(words[2]));
-        options.name_server = ise::endpoint::parse(words[1]).value();
+        options.name_servers = {ise::endpoint::parse(words[1]).value()};
         ise::node node(env, std::move(options));
         ise::component_options where;
         where.listen = {ise::endpoint::parse("tcp://127.0.0.1:0").value()};

@@ -250,7 +250,7 @@ TEST_CASE("an address that is in use and a name that is taken are told before an
     here.open();
     ise::real_environment env;
     ise::node_options options;
-    options.name_server = ise::endpoint::parse(here.name_server()).value();
+    options.name_servers = {ise::endpoint::parse(here.name_server()).value()};
     options.log = {};
     ise::node node(env, options);
     auto& other = node.start("sea/taken", [](ise::component&) -> ise::task<> { co_return; });

@@ -79,7 +79,8 @@ public:
             server_options options;
             options.programs_folder = "/programs";
             options.state_folder = "/state";
-            options.name_server = ise::endpoint::parse("tcp://" + system.world.host("ns").address() + ":7400").value();
+            options.name_servers = {
+                ise::endpoint::parse("tcp://" + system.world.host("ns").address() + ":7400").value()};
             node.start<instantiation_server>(path_of_host("shore"), ise::component_options(), host, options);
         });
         REQUIRE(system.world.run_until([&] { return system.holds("ise/host/shore"); }, 30s));

@@ -50,7 +50,8 @@ public:
             server_options options;
             options.programs_folder = "/programs";
             options.state_folder = "/state";
-            options.name_server = ise::endpoint::parse("tcp://" + system.world.host("ns").address() + ":7400").value();
+            options.name_servers = {
+                ise::endpoint::parse("tcp://" + system.world.host("ns").address() + ":7400").value()};
             options.max_starts = 10;
             node.start<instantiation_server>(path_of_host("shore"), ise::component_options(), host, options);
         });

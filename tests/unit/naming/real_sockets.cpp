@@ -76,7 +76,7 @@ struct with_server {
     std::unique_ptr<ise::node> server = start_server(env, at);
     ise::node_options names = [this] {
         auto options = quiet();
-        options.name_server = at;
+        options.name_servers = {at};
         return options;
     }();
 };

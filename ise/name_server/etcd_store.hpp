@@ -1,0 +1,61 @@
+#pragma once
+#include <ise/core/environment.hpp>
+#include <ise/core/loop.hpp>
+#include <ise/core/stream.hpp>
+#include <ise/name_server/name_store.hpp>
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace ise {
+
+struct etcd_options {
+    std::vector<endpoint> members; ///< their client endpoints, over tcp
+    std::string user;              ///< empty: without authentication
+    std::string password;
+    std::string prefix = "/ise/names/"; ///< of all keys: one for each system
+};
+
+/// "etcd://a:2379,b:2379,c:2379". Errors: errc::invalid_argument.
+result<std::vector<endpoint>> parse_etcd_members(std::string_view text);
+
+/// etcd 3.4 by its JSON gateway, over HTTP/1.1 without TLS. Asks one member, and the next one when it does not answer.
+class etcd_store final : public name_store {
+public:
+    etcd_store(loop& on, etcd_options options);
+    ~etcd_store() override;
+
+    task<result<store_snapshot>> read() override;
+    task<result<std::vector<store_outcome>>> write(std::vector<store_step> steps) override;
+    task<result<void>> probe() override;
+    task<result<void>> grant(std::uint64_t lease, duration length) override;
+    task<result<void>> keep(std::uint64_t lease) override;
+    task<result<void>> revoke(std::uint64_t lease) override;
+    task<failure> follow(std::uint64_t revision,
+                         std::function<void(const std::vector<store_change>&, std::uint64_t)> on_changes) override;
+
+    static constexpr duration patience = std::chrono::milliseconds(1500); ///< for one answer
+    static constexpr std::size_t max_answer_bytes = std::size_t{512} << 20;
+
+private:
+    class line;
+
+    task<result<std::unique_ptr<line>>> dial(time_point deadline);
+    /// The answer's JSON. Tries the next member the next time after a failure. Cancellation: terminal.
+    task<result<std::string>> post(std::string target, std::string body, duration within = patience);
+    task<result<std::string>> post_once(std::string target, std::string body, duration within);
+    task<result<void>> log_in();
+    void pass_over(std::size_t member);
+
+    loop& on_;
+    etcd_options options_;
+    std::size_t member_ = 0;
+    std::string token_;
+    std::vector<std::unique_ptr<line>> idle_; // to the present member
+    line* watching_ = nullptr;
+};
+
+} // namespace ise

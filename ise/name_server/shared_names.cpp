@@ -1,0 +1,510 @@
+#include <ise/name_server/shared_names.hpp>
+
+#include <ise/core/environment.hpp>
+#include <ise/core/sleep.hpp>
+#include <ise/packet/json.hpp>
+#include <ise/service/back_off.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+
+namespace ise {
+namespace {
+
+using naming::verdict;
+
+constexpr std::string_view node_prefix = "node/", name_prefix = "name/", offset_key = "offset";
+constexpr duration tend_period = std::chrono::milliseconds(500);
+// A majority was heard so lately that nothing is wrong.
+constexpr duration fresh = std::chrono::seconds(3);
+constexpr duration catch_up_time = std::chrono::milliseconds(1500);
+
+struct stored_node { // fields are only ever appended
+    naming::node_identity who;
+    duration lease{};
+    std::uint64_t store_lease = 0;
+    std::uint64_t server = 0;
+};
+struct stored_claim { // the same
+    std::uint64_t lease_key = 0;
+    std::uint64_t store_lease = 0;
+    naming::component_claim claim;
+};
+
+std::string key_of_node(std::uint64_t lease_key) { return fmt::format("{}{:016x}", node_prefix, lease_key); }
+std::string key_of_name(std::string_view path) { return fmt::format("{}{}", name_prefix, path); }
+
+naming::grant answer_of(const std::string& path, verdict what, std::string why) {
+    naming::grant made;
+    made.path = path;
+    made.what = what;
+    made.reason = std::move(why);
+    return made;
+}
+
+} // namespace
+
+shared_names::shared_names(loop& on, environment& env, task_scope& scope, const logger& to, name_store& store,
+                           registry& names, std::uint64_t incarnation, std::function<void()> on_change)
+    : on_(on), env_(env), scope_(scope), log_(to), store_(store), names_(names), incarnation_(incarnation),
+      on_change_(std::move(on_change)), started_(on.now()) {
+    names_.complete(false);
+    scope_.spawn("watch of the store", watch(*this));
+    scope_.spawn("leases in the store", tend(*this));
+}
+
+std::string shared_names::trouble() const {
+    if (read_ && on_.now() - heard_at_ < fresh) return {};
+    return fmt::format("the store of the name server has no majority: {}; names are unconfirmed, and none is granted",
+                       obstacle_);
+}
+
+void shared_names::give_up(const failure& why) {
+    obstacle_ = why.message();
+    throw error(errc::refused, fmt::format("the store does not answer: {}", why.message()));
+}
+
+// --- what the store has -------------------------------------------------------------------------------------------
+
+task<> shared_names::watch(shared_names& self) {
+    back_off pause(self.env_, std::chrono::milliseconds(50), std::chrono::seconds(1));
+    while (!self.scope_.stopping()) {
+        if (!self.read_) {
+            auto read = co_await self.read_all();
+            if (!read) {
+                self.obstacle_ = read.error().message();
+                co_await sleep_for(self.on_, pause.next());
+                continue;
+            }
+        }
+        auto began = self.on_.now();
+        auto why = co_await self.store_.follow(self.revision_,
+                                               [&self](const std::vector<store_change>& changes,
+                                                       std::uint64_t revision) { self.apply(changes, revision); });
+        if (why.code() == errc::superseded) self.read_ = false; // some changes are not known any more
+        self.log_.debug("the watch of the store has ended", {{"cause", why.message()}});
+        if (self.on_.now() - began > std::chrono::seconds(5)) pause.reset();
+        co_await sleep_for(self.on_, pause.next());
+    }
+}
+
+task<result<void>> shared_names::read_all() {
+    auto all = co_await store_.read();
+    if (!all) co_return all.error();
+    auto is_offset = [](const store_entry& one) { return one.key == offset_key; };
+    auto offset = std::ranges::find_if(all->entries, is_offset);
+    if (offset == all->entries.end()) {
+        auto wall = std::chrono::duration_cast<std::chrono::microseconds>(env_.wall().time_since_epoch()).count();
+        store_step first;
+        first.key = offset_key;
+        first.value = fmt::format("{}", std::max<std::int64_t>(wall, 1));
+        std::vector<store_step> steps(1, first);
+        auto written = co_await store_.write(std::move(steps));
+        if (!written) co_return written.error();
+        all = co_await store_.read(); // perhaps another server was first
+        if (!all) co_return all.error();
+        offset = std::ranges::find_if(all->entries, is_offset);
+        if (offset == all->entries.end()) co_return failure(errc::malformed, "the store lost the offset of epochs");
+    }
+    try {
+        offset_ = std::stoull(offset->value);
+    } catch (const std::exception&) {
+        co_return failure(errc::malformed, fmt::format("'{}' in the store is no offset of epochs", offset->value));
+    }
+    std::set<std::string, std::less<>> there;
+    for (const auto& one : all->entries) there.insert(one.key);
+    std::vector<store_change> changes;
+    for (const auto& [path, one] : known_)
+        if (!there.contains(key_of_name(path))) {
+            store_change gone;
+            gone.gone = true;
+            gone.entry.key = key_of_name(path);
+            changes.push_back(std::move(gone));
+        }
+    for (const auto& [key, one] : nodes_)
+        if (!there.contains(key_of_node(key))) {
+            store_change gone;
+            gone.gone = true;
+            gone.entry.key = key_of_node(key);
+            changes.push_back(std::move(gone));
+        }
+    // Nodes first: names refer to them.
+    std::ranges::stable_partition(all->entries, [](const auto& one) { return one.key.starts_with(node_prefix); });
+    for (auto& one : all->entries) {
+        store_change made;
+        made.entry = std::move(one);
+        changes.push_back(std::move(made));
+    }
+    read_ = true;
+    heard();
+    names_.complete(true);
+    apply(changes, all->revision);
+    co_return result<void>();
+}
+
+void shared_names::apply(const std::vector<store_change>& changes, std::uint64_t revision) {
+    for (const auto& one : changes) apply(one);
+    revision_ = std::max(revision_, revision);
+    heard();
+    on_change_();
+    for (auto* one : catching_up_) one->resume();
+}
+
+void shared_names::apply(const store_change& change) {
+    std::string_view key = change.entry.key;
+    try {
+        if (key.starts_with(node_prefix)) {
+            if (change.gone) lose_node(std::stoull(std::string(key.substr(node_prefix.size())), nullptr, 16));
+            else take_node(change.entry);
+        } else if (key.starts_with(name_prefix)) {
+            if (!change.gone) {
+                take_name(change.entry);
+            } else if (auto found = known_.find(key.substr(name_prefix.size())); found != known_.end()) {
+                names_.drop(found->first, on_.now());
+                known_.erase(found);
+            }
+        }
+    } catch (const std::exception& unfit) {
+        log_.error("an entry of the store is not readable",
+                   {{"key", std::string(key)}, {"cause", std::string(unfit.what())}});
+    }
+}
+
+void shared_names::take_node(const store_entry& entry) {
+    auto read = from_json<stored_node>(entry.value);
+    auto& one = nodes_[read.who.lease_key];
+    if (one.changed >= entry.changed) return;
+    if (one.what.store_lease != read.store_lease || read.server != incarnation_) one.confirmed.reset();
+    one.changed = entry.changed;
+    one.what.who = read.who;
+    one.what.lease = read.lease;
+    one.what.store_lease = read.store_lease;
+    one.what.server = read.server;
+    names_.know_node(read.who, read.lease, read.server == incarnation_, on_.now());
+}
+
+void shared_names::lose_node(std::uint64_t lease_key) {
+    if (nodes_.erase(lease_key) == 0) return;
+    // Names that it has written under a later lease come with their own changes.
+    for (auto one = known_.begin(); one != known_.end();)
+        one = one->second.lease_key == lease_key ? known_.erase(one) : std::next(one);
+    names_.end_node(lease_key, on_.now());
+}
+
+void shared_names::take_name(const store_entry& entry) {
+    auto read = from_json<stored_claim>(entry.value);
+    auto node = nodes_.find(read.lease_key);
+    if (node == nodes_.end() || node->second.what.store_lease != read.store_lease) return; // it goes with its lease
+    auto& one = known_[read.claim.path];
+    if (one.changed >= entry.changed) return;
+    one.value = entry.value;
+    one.lease_key = read.lease_key;
+    one.store_lease = read.store_lease;
+    one.created = entry.created;
+    one.changed = entry.changed;
+    read.claim.epoch = offset_ + entry.created;
+    names_.hold(read.lease_key, std::move(read.claim), on_.now());
+}
+
+// --- what is written ----------------------------------------------------------------------------------------------
+
+task<std::vector<store_outcome>> shared_names::write(std::vector<store_step> steps) {
+    std::vector<store_outcome> all;
+    std::uint64_t newest = 0;
+    for (std::size_t begin = 0; begin < steps.size(); begin += name_store::max_steps) {
+        auto end = std::min(begin + name_store::max_steps, steps.size());
+        std::vector<store_step> some(std::make_move_iterator(steps.begin() + static_cast<std::ptrdiff_t>(begin)),
+                                     std::make_move_iterator(steps.begin() + static_cast<std::ptrdiff_t>(end)));
+        auto done = co_await store_.write(std::move(some));
+        if (!done) give_up(done.error());
+        heard();
+        for (const auto& one : *done) newest = std::max(newest, one.revision);
+        all.insert(all.end(), done->begin(), done->end());
+    }
+    co_await catch_up(newest);
+    co_return all;
+}
+
+// The registry changes in the order of the store only.
+task<> shared_names::catch_up(std::uint64_t revision) {
+    auto until = saturating_add(on_.now(), catch_up_time);
+    while (revision_ < revision) {
+        if (on_.now() >= until)
+            give_up(failure(errc::timed_out, fmt::format("changes up to {} have not arrived", revision)));
+        waiter<> news(on_, [&news] { news.resume(); });
+        timer late(on_, [&news] { news.resume(); });
+        late.arm(until);
+        struct listed {
+            std::vector<waiter<>*>& all;
+            waiter<>* who;
+            ~listed() { std::erase(all, who); }
+        } guard{catching_up_, &news};
+        catching_up_.push_back(&news);
+        co_await news.wait();
+    }
+}
+
+task<> shared_names::keep_here(naming::node_identity who, duration lease) {
+    if (auto why = trouble(); !why.empty()) throw error(errc::refused, why);
+    const auto key = who.lease_key;
+    // The short lease, granted now, ends before that of the store, also by a clock that is a little slow.
+    const auto margin = store_lease - names_.options().lease - std::chrono::seconds(1);
+    for (int attempt = 0; attempt != 4; ++attempt) {
+        auto known = nodes_.find(key);
+        const bool there = known != nodes_.end();
+        if (there) known->second.ending = false; // it lives
+        if (there && known->second.what.server == incarnation_) {
+            if (confirmed_within(known->second, margin)) co_return;
+            auto sent = on_.now();
+            auto number = known->second.what.store_lease;
+            auto kept = co_await store_.keep(number);
+            known = nodes_.find(key);
+            if (kept && known != nodes_.end() && known->second.what.store_lease == number) {
+                known->second.confirmed = sent;
+                co_return;
+            }
+            if (!kept && kept.error().code() != errc::no_such_name) give_up(kept.error());
+            if (!kept) lose_node(key); // before the store has told it
+            continue;
+        }
+        stored_node record;
+        record.who = who;
+        record.lease = lease;
+        record.server = incarnation_;
+        record.store_lease = there ? known->second.what.store_lease : (env_.random() >> 2) | 1;
+        auto sent = on_.now();
+        if (!there) {
+            auto granted = co_await store_.grant(record.store_lease, store_lease);
+            if (!granted) give_up(granted.error());
+        }
+        store_step step;
+        step.key = key_of_node(key);
+        step.value = to_json(record);
+        step.lease = record.store_lease;
+        step.expected = there ? known->second.changed : 0;
+        std::vector<store_step> steps(1, step);
+        auto written = co_await store_.write(std::move(steps));
+        if (!written && written.error().code() == errc::no_such_name) { // the lease has run out meanwhile
+            lose_node(key);
+            continue;
+        }
+        if (!written) give_up(written.error());
+        co_await catch_up(written->front().revision);
+        known = nodes_.find(key);
+        if (written->front().done && !there && known != nodes_.end()) known->second.confirmed = sent;
+    }
+    throw error(errc::refused, "another name server keeps this node's lease now; ask again");
+}
+
+task<naming::register_response> shared_names::enroll(naming::register_request request) {
+    naming::register_response response;
+    response.server_incarnation = incarnation_;
+    auto why = objection_to(request.node, names_.options().limits);
+    if (why) {
+        for (const auto& claim : request.components)
+            response.grants.push_back(answer_of(claim.path, verdict::refused, *why));
+        co_return response;
+    }
+    const auto lease_key = request.node.lease_key;
+    const auto lease = std::min(request.lease, names_.options().lease);
+    auto who = request.node;
+    co_await keep_here(std::move(who), lease);
+    const auto store_lease_number = nodes_.at(lease_key).what.store_lease;
+
+    struct step_of {
+        std::size_t grant;
+        store_step what;
+    };
+    std::vector<step_of> writes;
+    std::vector<store_step> erasures; // of a former life: the next one has a higher epoch
+    std::set<std::string> seen;
+    for (auto& claim : request.components) {
+        auto& answer = response.grants.emplace_back();
+        answer.path = claim.path;
+        if (auto unfit = objection_to(claim, names_.options().limits)) {
+            answer = answer_of(claim.path, verdict::refused, std::move(*unfit));
+            continue;
+        }
+        if (auto other = names_.held_by_other(claim, lease_key, on_.now())) {
+            answer = std::move(*other);
+            continue;
+        }
+        auto full = names_.no_room(claim, lease_key);
+        if (full || !seen.insert(claim.path).second) {
+            answer = answer_of(claim.path, verdict::wait, full.value_or("it was claimed twice in one request"));
+            answer.retry_after = lease / 2;
+            continue;
+        }
+        stored_claim made;
+        made.lease_key = lease_key;
+        made.store_lease = store_lease_number;
+        made.claim = claim;
+        made.claim.epoch = made.claim.proof = 0;
+        step_of step;
+        step.grant = response.grants.size() - 1;
+        step.what.key = key_of_name(claim.path);
+        step.what.value = to_json(made);
+        step.what.lease = store_lease_number;
+        if (auto held = known_.find(claim.path); held != known_.end()) {
+            if (held->second.value == step.what.value) continue;
+            auto before = from_json<stored_claim>(held->second.value);
+            if (before.claim.incarnation == claim.incarnation) {
+                step.what.expected = held->second.changed;
+            } else {
+                store_step gone;
+                gone.key = step.what.key;
+                gone.expected = held->second.changed;
+                gone.erase = true;
+                erasures.push_back(std::move(gone));
+            }
+        }
+        writes.push_back(std::move(step));
+    }
+    if (!erasures.empty()) co_await write(std::move(erasures));
+    std::vector<store_step> steps;
+    for (auto& one : writes) steps.push_back(std::move(one.what));
+    if (!steps.empty()) co_await write(std::move(steps));
+
+    for (std::size_t i = 0; i != request.components.size(); ++i) {
+        auto& answer = response.grants[i];
+        if (answer.what != verdict::granted) continue;
+        const auto& claim = request.components[i];
+        auto held = known_.find(claim.path);
+        if (held != known_.end() && held->second.lease_key == lease_key &&
+            held->second.store_lease == store_lease_number) {
+            answer.epoch = offset_ + held->second.created;
+        } else if (auto other = names_.held_by_other(claim, lease_key, on_.now())) {
+            answer = std::move(*other);
+        } else {
+            answer = answer_of(claim.path, verdict::wait, "a lease that has ended still holds it in the store");
+            answer.retry_after = lease / 5;
+        }
+    }
+    auto node = nodes_.find(lease_key);
+    if (node == nodes_.end() || node->second.what.server != incarnation_)
+        throw error(errc::refused, "another name server keeps this node's lease now; ask again");
+    naming::renew_request again;
+    again.lease_key = lease_key;
+    auto renewed = names_.renew(again, on_.now());
+    response.lease = renewed.lease;
+    response.lease_number = renewed.lease_number;
+    names_.offer(request.schemas, response.grants);
+    co_return response;
+}
+
+task<naming::renew_response> shared_names::renew(naming::renew_request request) {
+    if (auto why = trouble(); !why.empty()) throw error(errc::refused, why);
+    naming::renew_response response;
+    response.server_incarnation = incarnation_;
+    auto known = nodes_.find(request.lease_key);
+    if (known == nodes_.end() || known->second.ending) co_return response;
+    auto who = known->second.what.who;
+    auto lease = known->second.what.lease;
+    co_await keep_here(std::move(who), lease);
+    co_return names_.renew(request, on_.now());
+}
+
+task<naming::withdraw_response> shared_names::withdraw(naming::withdraw_request request) {
+    std::vector<store_step> steps;
+    std::set<std::string> seen;
+    for (const auto& gone : request.departures) {
+        auto held = known_.find(gone.path);
+        if (held == known_.end() || held->second.lease_key != request.lease_key || !seen.insert(gone.path).second)
+            continue;
+        if (from_json<stored_claim>(held->second.value).claim.incarnation != gone.incarnation) continue;
+        store_step step;
+        step.key = key_of_name(gone.path);
+        step.expected = held->second.changed;
+        step.erase = true;
+        steps.push_back(std::move(step));
+    }
+    if (!steps.empty()) co_await write(std::move(steps));
+    names_.withdraw(request, on_.now()); // what it had lost
+    if (auto known = nodes_.find(request.lease_key);
+        known != nodes_.end() &&
+        std::ranges::none_of(known_, [&](const auto& one) { return one.second.lease_key == request.lease_key; })) {
+        known->second.ending = true;
+        co_await end_node(*this, request.lease_key);
+    }
+    co_return naming::withdraw_response();
+}
+
+task<naming::ended_response> shared_names::end(naming::ended_request request) {
+    if (request.launch_mark.size() < naming::min_mark_bytes) co_return names_.end(request, on_.now()).value();
+    naming::ended_response response;
+    for (auto key : names_.marked(request.launch_mark)) {
+        if (auto known = nodes_.find(key); known != nodes_.end()) known->second.ending = true;
+        co_await end_node(*this, key);
+        ++response.nodes;
+    }
+    co_return response;
+}
+
+// Nobody else may have taken it over: the record goes first, under that condition, and then its lease with the names.
+task<> shared_names::end_node(shared_names& self, std::uint64_t lease_key) {
+    auto known = self.nodes_.find(lease_key);
+    if (known == self.nodes_.end() || !known->second.ending) co_return; // it has come back
+    auto number = known->second.what.store_lease;
+    store_step step;
+    step.key = key_of_node(lease_key);
+    step.expected = known->second.changed;
+    step.erase = true;
+    std::vector<store_step> steps(1, step);
+    auto written = co_await self.store_.write(std::move(steps));
+    if (!written) {
+        self.obstacle_ = written.error().message();
+        co_return; // nobody renews it, and it is ended as soon as the store answers
+    }
+    if (!written->front().done) co_return;
+    auto revoked = co_await self.store_.revoke(number);
+    if (!revoked) self.log_.debug("a lease was not revoked", {{"cause", revoked.error().message()}});
+}
+
+void shared_names::tick() {
+    for (auto key : names_.take_overdue()) {
+        auto known = nodes_.find(key);
+        if (known == nodes_.end() || known->second.what.server != incarnation_ || known->second.ending) continue;
+        known->second.ending = true;
+        scope_.spawn("end of a node", end_node(*this, key));
+    }
+}
+
+task<> shared_names::tend(shared_names& self) {
+    while (!self.scope_.stopping()) {
+        auto alive = co_await self.store_.probe();
+        if (alive) self.heard();
+        else self.obstacle_ = alive.error().message();
+        if (!alive) self.names_.heard_since(self.on_.now());
+        auto why = self.trouble();
+        if (self.on_.now() - self.started_ < fresh) why.clear();
+        if (!why.empty() && !std::exchange(self.complained_, true)) self.log_.warning(why);
+        if (why.empty() && std::exchange(self.complained_, false)) self.log_.info("the store is back");
+        std::vector<std::uint64_t> due, dead;
+        for (const auto& [key, one] : self.nodes_)
+            if (one.what.server == self.incarnation_ && !one.ending && !self.confirmed_within(one, store_lease / 4))
+                due.push_back(key);
+        for (const auto& [key, one] : self.nodes_)
+            if (one.what.server == self.incarnation_ && one.ending) dead.push_back(key);
+        if (!alive) {
+            due.clear();
+            dead.clear();
+        }
+        for (auto key : dead) co_await end_node(self, key);
+        for (auto key : due) {
+            auto known = self.nodes_.find(key);
+            if (known == self.nodes_.end() || known->second.ending) continue;
+            auto sent = self.on_.now();
+            auto number = known->second.what.store_lease;
+            auto kept = co_await self.store_.keep(number);
+            known = self.nodes_.find(key);
+            if (kept && known != self.nodes_.end() && known->second.what.store_lease == number)
+                known->second.confirmed = sent;
+            if (!kept && kept.error().code() != errc::no_such_name) break; // the probe tells more
+        }
+        co_await sleep_for(self.on_, tend_period);
+    }
+}
+
+} // namespace ise

@@ -1,0 +1,105 @@
+#pragma once
+#include <ise/core/log.hpp>
+#include <ise/core/loop.hpp>
+#include <ise/core/task_scope.hpp>
+#include <ise/core/waiter.hpp>
+#include <ise/name_server/name_store.hpp>
+#include <ise/name_server/registry.hpp>
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+namespace ise {
+
+/// The names of a store that several name servers share, as one of them serves them: its registry shows what the store
+/// has, and changes only when the store reports a change. A name is granted by one transaction on the absence of its
+/// key. Its epoch is an offset, which the first server writes once, plus the revision in which the key appeared.
+///
+/// A node's short lease is kept by the server that it talks to; in the store it has one lease of `store_lease`, which
+/// that server renews, and which takes its names with it. Another server takes a node over by writing its record. Who
+/// does not hear from a majority of the store grants and renews nothing (errc::refused).
+class shared_names {
+public:
+    /// Of a node in the store: longer than a name server needs to be replaced.
+    static constexpr duration store_lease = std::chrono::seconds(10);
+
+    /// `on_change` is called after each change of the registry. All outlive the coroutines in `scope`.
+    shared_names(loop& on, environment& env, task_scope& scope, const logger& to, name_store& store, registry& names,
+                 std::uint64_t incarnation, std::function<void()> on_change);
+
+    /// Errors of the three: errc::refused, as `trouble()`. Cancellation: terminal; the store may have acted.
+    task<naming::register_response> enroll(naming::register_request request);
+    task<naming::renew_response> renew(naming::renew_request request);
+    /// Cancellation: terminal; the store may have acted.
+    task<naming::withdraw_response> withdraw(naming::withdraw_request request);
+    /// Errors: errc::refused for a mark that is too short. Cancellation: terminal.
+    task<naming::ended_response> end(naming::ended_request request);
+
+    /// Ends nodes that were silent. Called as often as `registry::advance`.
+    void tick();
+    /// Why nothing can be granted now, for people; empty: nothing is known against it.
+    std::string trouble() const;
+
+private:
+    struct node_record {
+        naming::node_identity who;
+        duration lease{};
+        std::uint64_t store_lease = 0;
+        std::uint64_t server = 0; // incarnation
+    };
+    struct known_node {
+        node_record what;
+        std::uint64_t changed = 0;
+        std::optional<time_point> confirmed; // when the last renewal in the store was sent that succeeded
+        bool ending = false;
+    };
+    struct known_name {
+        std::string value;
+        std::uint64_t lease_key = 0, created = 0, changed = 0, store_lease = 0;
+    };
+
+    static task<> watch(shared_names& self);
+    static task<> tend(shared_names& self);
+    static task<> end_node(shared_names& self, std::uint64_t lease_key);
+    task<result<void>> read_all();
+    void apply(const std::vector<store_change>& changes, std::uint64_t revision);
+    void apply(const store_change& change);
+    void take_node(const store_entry& entry);
+    void take_name(const store_entry& entry);
+    void lose_node(std::uint64_t lease_key);
+    /// The node is kept by this server, with a lease in the store that holds long enough.
+    task<> keep_here(naming::node_identity who, duration lease);
+    task<std::vector<store_outcome>> write(std::vector<store_step> steps);
+    task<> catch_up(std::uint64_t revision);
+    [[noreturn]] void give_up(const failure& why);
+    bool confirmed_within(const known_node& node, duration age) const {
+        return node.confirmed && on_.now() - *node.confirmed < age;
+    }
+    void heard() { heard_at_ = on_.now(); }
+
+    loop& on_;
+    environment& env_;
+    task_scope& scope_;
+    const logger& log_;
+    name_store& store_;
+    registry& names_;
+    std::uint64_t incarnation_;
+    std::function<void()> on_change_;
+    time_point started_;
+    std::unordered_map<std::uint64_t, known_node> nodes_;  // by lease key
+    std::map<std::string, known_name, std::less<>> known_; // by path
+    std::uint64_t offset_ = 0;
+    std::uint64_t revision_ = 0; // up to which the registry is complete
+    bool read_ = false;
+    time_point heard_at_ = time_point::min(); // of a majority
+    std::string obstacle_ = "it was not reached yet";
+    bool complained_ = false;
+    std::vector<waiter<>*> catching_up_;
+};
+
+} // namespace ise

@@ -1,0 +1,115 @@
+"""A cluster of three etcd of a story, and the checker of what was granted in it."""
+import base64
+import json
+import shutil
+import threading
+import time
+import urllib.error
+import urllib.request
+
+from world import Failed, Skipped, World
+
+PREFIX = "/ise/names/name/"
+
+
+def coded(text: str | bytes) -> str:
+    return base64.b64encode(text.encode() if isinstance(text, str) else text).decode()
+
+
+class Cluster:
+    """Three members on loopback ports that were free, in the story's folder."""
+
+    def __init__(self, world: World, *options: str):
+        if not (program := shutil.which("etcd")):
+            raise Skipped("there is no etcd here (Debian: etcd-server)")
+        self.world = world
+        ports = [(world.free_port(), world.free_port()) for _ in range(3)]
+        self.names = [f"etcd{n}" for n in range(3)]
+        self.urls = [f"http://127.0.0.1:{client}" for client, _ in ports]
+        self.store = "etcd://" + ",".join(f"127.0.0.1:{client}" for client, _ in ports)
+        peers = [f"http://127.0.0.1:{peer}" for _, peer in ports]
+        initial = ",".join(f"{name}={peer}" for name, peer in zip(self.names, peers))
+        for name, url, peer in zip(self.names, self.urls, peers):
+            world.run(name, [program, "--name", name, "--data-dir", str(world.folder / name), "--listen-client-urls", url,
+                             "--advertise-client-urls", url, "--listen-peer-urls", peer, "--initial-advertise-peer-urls", peer,
+                             "--initial-cluster", initial, "--initial-cluster-token", str(world.folder), *options])
+        if not world.until(lambda: self.leader() is not None, 30):
+            raise Failed("etcd elects no leader: " + (world.folder / "etcd0.err").read_text()[-2000:])
+
+    def ask(self, member: int, target: str, request: dict, wait: float = 2) -> dict | None:
+        question = urllib.request.Request(f"{self.urls[member]}/v3/{target}", json.dumps(request).encode(), method="POST")
+        try:
+            with urllib.request.urlopen(question, timeout=wait) as answer:
+                return json.loads(answer.read())
+        except (OSError, ValueError):
+            return None
+
+    def leader(self) -> int | None:
+        for member in range(3):
+            status = self.ask(member, "maintenance/status", {}, 1)
+            if status and status.get("leader", "0") == status["header"]["member_id"]:
+                return member
+        return None
+
+    def process(self, member: int):
+        return self.world.processes[self.names[member]]
+
+
+class History:
+    """Follows all grants, and says what is wrong with them: the epochs of a path only grow."""
+
+    def __init__(self, cluster: Cluster):
+        self.cluster, self.grants, self.over, self.next = cluster, [], False, 1
+        self.thread = threading.Thread(target=self.follow, daemon=True)
+        self.thread.start()
+
+    def follow(self):
+        member = 0
+        while not self.over:
+            request = {"create_request": {"key": coded(PREFIX), "range_end": coded(PREFIX[:-1] + "0"), "start_revision": str(self.next)}}
+            question = urllib.request.Request(f"{self.cluster.urls[member]}/v3/watch", json.dumps(request).encode(), method="POST")
+            try:
+                with urllib.request.urlopen(question, timeout=3) as answer:
+                    for line in answer:
+                        self.take(json.loads(line).get("result", {}))
+            except (OSError, ValueError):
+                time.sleep(0.1)
+            member = (member + 1) % 3
+
+    def take(self, told: dict):
+        for event in told.get("events", []):
+            held = event["kv"]
+            self.next = max(self.next, int(held["mod_revision"]) + 1)
+            if event.get("type") != "DELETE":
+                self.grants.append((base64.b64decode(held["key"]).decode(), int(held["create_revision"])))
+
+    def wrong(self) -> list[str]:
+        self.over = True
+        last: dict[str, int] = {}
+        found = [] if self.grants else ["no grant was seen"]
+        for path, epoch in self.grants:
+            if epoch < last.get(path, 0):
+                found.append(f"{path} was granted under {epoch} after {last[path]}")
+            last[path] = max(epoch, last.get(path, 0))
+        return found
+
+
+class NameServers:
+    """Three of them over one cluster; `names` is the list for clients."""
+
+    def __init__(self, world: World, cluster: Cluster):
+        self.world, found = world, []
+        for n in range(3):
+            listen = f"tcp://127.0.0.1:{world.free_port()}"
+            made = world.run(f"names{n}", ["ise_name_server", "--listen", listen, "--log-level", "warning", "--store", cluster.store])
+            made.line("tcp://")
+            found.append(listen)
+        self.each, self.names = found, ",".join(found)
+        world.names = self.names
+
+    def listed(self, server: int) -> dict[str, int]:
+        ran = self.world.ise("--json", "list", wait=5, ISE_NAME_SERVER=self.each[server])
+        return {one["path"]: int(one["epoch"]) for one in json.loads(ran.stdout or "[]")} if ran.returncode == 0 else {}
+
+    def all_list(self, paths: dict[str, int], wait: float = 20):
+        return self.world.until(lambda: all({p: e for p, e in self.listed(n).items() if p in paths} == paths for n in range(3)), wait)

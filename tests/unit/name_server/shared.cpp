@@ -1,0 +1,332 @@
+// Name servers that share a store, and nodes that know all of them.
+#include "system.hpp"
+
+#include <support/model_store.hpp>
+
+#include <fmt/format.h>
+
+#include <map>
+#include <random>
+
+namespace shared_test {
+
+using namespace names_test;
+
+namespace {
+
+class shared_system {
+public:
+    explicit shared_system(std::size_t servers = 3, std::uint64_t seed = 1) : world(seed) {
+        cluster.clock = [this] { return world.now(); };
+        for (std::size_t i = 0; i != servers; ++i) {
+            auto host = fmt::format("ns{}", i);
+            list += (i == 0 ? "tcp://" : ",tcp://") + world.host(host).address() + ":7400";
+            names.push_back(nullptr);
+            process.push_back(&world.host(host).start_process("names", [this, i, host](ise::sim::process& env) {
+                auto options = node_options();
+                options.use_names = false;
+                auto made = std::make_shared<program>(env, std::move(options));
+                ise::component_options where;
+                where.listen = {ise::endpoint::parse("tcp://0.0.0.0:7400").value()};
+                where.registers = false;
+                ise::name_server_options terms;
+                terms.store = [this, host](ise::environment&, ise::loop& on) {
+                    return std::make_unique<ise_test::model_store>(cluster, on, host);
+                };
+                names[i] = &made->node.start<ise::name_server>(std::string(ise::naming::server_path), where, terms);
+                return made;
+            }));
+        }
+    }
+    ise::sim::process& start(const std::string& host, const std::string& name, std::function<void(ise::node&)> begin) {
+        auto run = [begin, this](ise::sim::process& env) {
+            auto options = node_options();
+            options.log = [this, print = options.log](const ise::log_record& record) {
+                if (record.level >= ise::log_level::warning) warnings.push_back(ise::format_line(record));
+                print(record);
+            };
+            auto made = std::make_shared<program>(env, std::move(options));
+            begin(made->node);
+            return made;
+        };
+        return world.host(host).start_process(name, run, {{"ISE_NAME_SERVER", list}});
+    }
+    ise::sim::process& start_doubler(const std::string& host, const std::string& path, int priority = -1) {
+        return start(host, "doubler", [path, priority](ise::node& node) {
+            auto how = everywhere();
+            if (priority >= 0) how.roles["atirma/lead"] = priority;
+            node.start<doubler>(path, std::move(how));
+        });
+    }
+    std::uint64_t epoch_at(std::size_t server, const std::string& path) const {
+        if (!process[server]->running() || !names[server]->names()) return 0;
+        for (const auto& event : names[server]->names()->snapshot(path))
+            if (event.name.path == path) return event.name.epoch;
+        return 0;
+    }
+    bool held_everywhere(const std::string& path) const {
+        for (std::size_t i = 0; i != names.size(); ++i)
+            if (epoch_at(i, path) == 0) return false;
+        return true;
+    }
+    bool warned(const std::string& of) const {
+        return std::ranges::any_of(warnings, [&](const auto& line) { return line.find(of) != line.npos; });
+    }
+
+    ise_test::model_cluster cluster; // these outlive the world
+    std::vector<std::string> warnings;
+    std::string list;
+    std::vector<ise::name_server*> names;
+    ise::sim::world world;
+    std::vector<ise::sim::process*> process;
+};
+
+// Calls the doubler ten times a second; counts what was answered, and when last.
+struct caller {
+    std::int64_t answers = 0, failures = 0;
+    body run(const std::string& path) {
+        return [this, path](ise::component& self) -> ise::task<> {
+            auto there = self.at(path);
+            for (;;) {
+                number asked{1};
+                auto got = co_await there.try_call(twice, asked, 2s);
+                ++(got ? answers : failures);
+                co_await self.sleep(100ms);
+            }
+        };
+    }
+};
+
+} // namespace
+
+TEST_CASE("shared names: what one name server grants is found at all, under the same epoch") {
+    shared_system it;
+    it.start_doubler("boat", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
+    it.warnings.clear(); // of its first question, before the store was read
+    auto epoch = it.epoch_at(0, "atirma/doubler");
+    CHECK(it.epoch_at(1, "atirma/doubler") == epoch);
+    CHECK(it.epoch_at(2, "atirma/doubler") == epoch);
+    it.world.run_for(60s);
+    CHECK(it.epoch_at(2, "atirma/doubler") == epoch);
+    for (const auto& line : it.warnings) UNSCOPED_INFO(line);
+    CHECK(it.warnings.empty());
+}
+
+TEST_CASE("shared names: when a node dies its name is free within the lease, and the next grant has a higher epoch") {
+    shared_system it;
+    auto& boat = it.start_doubler("boat", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
+    auto before = it.epoch_at(0, "atirma/doubler");
+    boat.crash();
+    CHECK(it.world.run_until([&] { return it.epoch_at(2, "atirma/doubler") == 0; }, 3s));
+    CHECK(it.cluster.leases.empty());
+    it.start_doubler("shore", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
+    CHECK(it.epoch_at(1, "atirma/doubler") > before);
+}
+
+TEST_CASE("shared names: a name that is stopped in order is free at once, with its lease in the store") {
+    shared_system it;
+    ise::node* boat = nullptr;
+    it.start("boat", "doubler", [&](ise::node& node) {
+        boat = &node;
+        node.start<doubler>("atirma/doubler", everywhere());
+    });
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
+    boat->stop();
+    CHECK(
+        it.world.run_until([&] { return it.epoch_at(2, "atirma/doubler") == 0 && it.cluster.leases.empty(); }, 500ms));
+}
+
+TEST_CASE("shared names: who wants a held name at another name server is told who has it") {
+    shared_system it;
+    it.start_doubler("boat", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
+    auto comma = it.list.find(',');
+    it.list = it.list.substr(comma + 1) + "," + it.list.substr(0, comma); // it begins with the next name server
+    ise::node* second = nullptr;
+    it.start("shore", "thief", [&](ise::node& node) {
+        second = &node;
+        node.start<doubler>("atirma/doubler", everywhere());
+    });
+    it.world.run_for(40s);
+    auto first = it.epoch_at(0, "atirma/doubler");
+    CHECK(first != 0);
+    for (const auto& line : it.warnings) UNSCOPED_INFO(line);
+    CHECK(second->all_stopped());
+}
+
+TEST_CASE(
+    "shared names: nodes, lookups and roles go on with the next name server when theirs is killed, stopped or cut "
+    "off from the store") {
+    auto fault = GENERATE(std::string("killed"), std::string("stopped"), std::string("cut off"), std::string("slow"));
+    CAPTURE(fault);
+    shared_system it;
+    it.start_doubler("boat", "atirma/doubler");
+    it.start_doubler("first", "atirma/first", 100);
+    it.start_doubler("second", "atirma/second", 50);
+    caller calls, of_role;
+    it.start("shore", "caller", [&](ise::node& node) {
+        node.start("test/caller", calls.run("atirma/doubler"), everywhere());
+        node.start("test/role", of_role.run("atirma/lead"), everywhere());
+    });
+    REQUIRE(it.world.run_until([&] { return calls.answers > 10 && of_role.answers > 10; }, 10s));
+    it.world.run_for(5s);
+    auto epoch = it.epoch_at(1, "atirma/doubler");
+    REQUIRE(epoch != 0);
+    if (fault == "killed") it.process[0]->crash();
+    if (fault == "stopped") it.process[0]->pause();
+    if (fault == "cut off") it.cluster.cut_off.insert("ns0");
+    if (fault == "slow") it.cluster.latency["ns0"] = 3s;
+    it.start("late", "late", [&](ise::node& node) { node.start<doubler>("atirma/late", everywhere()); });
+    // Somebody new is granted a name, and found.
+    CHECK(it.world.run_until([&] { return it.epoch_at(1, "atirma/late") != 0; }, 10s));
+    it.world.run_for(30s);
+    CHECK(it.epoch_at(1, "atirma/doubler") == epoch); // no grant is lost, and none is made twice
+    CHECK(it.epoch_at(2, "atirma/doubler") == epoch);
+    CHECK(calls.failures == 0);
+    CHECK(of_role.failures == 0);
+    if (fault == "stopped") it.process[0]->go_on();
+    if (fault == "killed") it.process[0] = &it.process[0]->restart();
+    it.cluster.cut_off.clear();
+    it.cluster.latency.clear();
+    it.world.run_for(30s);
+    CHECK(it.epoch_at(0, "atirma/doubler") == epoch); // it knows everything again, and takes nothing away
+    CHECK(it.epoch_at(0, "atirma/late") != 0);
+    CHECK(calls.failures == 0);
+}
+
+TEST_CASE("shared names: after all name servers were killed every name is there again under its epoch") {
+    shared_system it;
+    it.start_doubler("boat", "atirma/doubler");
+    it.start_doubler("first", "atirma/first", 100);
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/first"); }, 5s));
+    it.world.run_for(5s);
+    auto epoch = it.epoch_at(0, "atirma/doubler");
+    for (auto* one : it.process) one->crash();
+    it.world.run_for(3s);
+    for (auto& one : it.process) one = &one->restart();
+    CHECK(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 3s));
+    it.world.run_for(30s);
+    CHECK(it.epoch_at(0, "atirma/doubler") == epoch);
+    CHECK(it.epoch_at(2, "atirma/first") != 0);
+}
+
+TEST_CASE("shared names: without a majority those who have met go on, nobody new is granted, and all say so") {
+    shared_system it;
+    it.start_doubler("boat", "atirma/doubler");
+    caller calls;
+    it.start("shore", "caller",
+             [&](ise::node& node) { node.start("test/caller", calls.run("atirma/doubler"), everywhere()); });
+    REQUIRE(it.world.run_until([&] { return calls.answers > 10; }, 10s));
+    auto epoch = it.epoch_at(0, "atirma/doubler");
+    it.cluster.majority = false;
+    it.start("late", "late", [&](ise::node& node) { node.start<doubler>("atirma/late", everywhere()); });
+    it.world.run_for(60s);
+    CHECK(calls.failures == 0);
+    CHECK(it.epoch_at(0, "atirma/late") == 0);
+    CHECK(it.warned("names are unconfirmed"));
+    std::string trouble;
+    it.start("desk", "desk", [&](ise::node& node) {
+        node.start(
+            "test/desk",
+            [&](ise::component& self) -> ise::task<> {
+                ise::naming::list_request all;
+                auto servers = self.at(ise::endpoint::parse(it.list.substr(0, it.list.find(','))).value());
+                auto told = co_await servers.call(ise::naming::list, all, 5s);
+                trouble = told.trouble;
+            },
+            everywhere());
+    });
+    CHECK(it.world.run_until([&] { return !trouble.empty(); }, 10s));
+    CHECK(trouble.find("no majority") != trouble.npos);
+    it.cluster.majority = true;
+    CHECK(it.world.run_until([&] { return it.held_everywhere("atirma/late"); }, 10s));
+    CHECK(it.epoch_at(0, "atirma/doubler") >= epoch);
+    CHECK(calls.failures == 0);
+}
+
+TEST_CASE("shared names: a watch that a compaction has overtaken reads everything anew") {
+    shared_system it;
+    auto& boat = it.start_doubler("boat", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
+    it.cluster.cut_off.insert("ns2");
+    it.world.run_for(2s);
+    it.start_doubler("other", "atirma/other");
+    boat.crash();
+    it.world.run_for(10s);
+    it.cluster.compact();
+    CHECK(it.epoch_at(2, "atirma/other") == 0);
+    it.cluster.cut_off.clear();
+    CHECK(it.world.run_until([&] { return it.epoch_at(2, "atirma/other") != 0; }, 5s));
+    CHECK(it.epoch_at(2, "atirma/doubler") == 0);
+}
+
+TEST_CASE("shared names: a store without space grants nothing new, says so, and loses nothing") {
+    shared_system it;
+    it.start_doubler("boat", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
+    auto epoch = it.epoch_at(0, "atirma/doubler");
+    it.cluster.full = true;
+    it.start_doubler("other", "atirma/other");
+    it.world.run_for(30s);
+    CHECK(it.epoch_at(0, "atirma/doubler") == epoch);
+    CHECK(it.epoch_at(0, "atirma/other") == 0);
+    CHECK(it.warned("database space exceeded"));
+    it.cluster.full = false;
+    CHECK(it.world.run_until([&] { return it.held_everywhere("atirma/other"); }, 10s));
+}
+
+TEST_CASE("shared names: under random faults the epochs of a path only grow, and each name comes back") {
+    auto seed = GENERATE(range(1, 21));
+    CAPTURE(seed);
+    shared_system it(3, static_cast<std::uint64_t>(seed));
+    std::mt19937 dice(static_cast<unsigned>(seed));
+    const std::vector<std::string> paths = {"crowd/a", "crowd/b", "crowd/c"};
+    std::map<std::string, ise::sim::process*> nodes;
+    for (const auto& path : paths) nodes[path] = &it.start_doubler(path.substr(6), path);
+    std::map<std::string, std::uint64_t> highest;
+    bool grew = true;
+    auto look = [&] {
+        // From the history of the store: the order in which names were granted.
+        for (const auto& [key, one] : it.cluster.keys) {
+            if (!key.starts_with("name/")) continue;
+            auto& last = highest[key];
+            grew = grew && one.created >= last;
+            last = std::max(last, one.created);
+        }
+        return false;
+    };
+    for (int step = 0; step != 40; ++step) {
+        auto server = dice() % it.process.size();
+        auto host = fmt::format("ns{}", server);
+        auto path = paths[dice() % paths.size()];
+        switch (dice() % 9) {
+            case 0: it.process[server] = &it.process[server]->restart(); break;
+            case 1: it.cluster.cut_off.insert(host); break;
+            case 2: it.cluster.cut_off.clear(); break;
+            case 3: it.cluster.majority = !it.cluster.majority; break;
+            case 4: it.cluster.compact(); break;
+            case 5: it.cluster.answers_lost.insert(host); break;
+            case 6: it.cluster.answers_lost.clear(); break;
+            case 7: nodes[path] = &nodes[path]->restart(); break;
+            case 8: it.cluster.latency[host] = std::chrono::milliseconds(dice() % 1000); break;
+        }
+        it.world.run_until(look, std::chrono::milliseconds(dice() % 4000));
+    }
+    it.cluster.majority = true;
+    it.cluster.cut_off.clear();
+    it.cluster.answers_lost.clear();
+    it.cluster.latency.clear();
+    CHECK(it.world.run_until(
+        [&] { return std::ranges::all_of(paths, [&](const auto& path) { return it.held_everywhere(path); }); }, 40s));
+    it.world.run_for(20s);
+    CHECK(grew);
+    for (const auto& path : paths) {
+        CHECK(it.epoch_at(0, path) == it.epoch_at(1, path));
+        CHECK(it.epoch_at(1, path) == it.epoch_at(2, path));
+    }
+}
+
+} // namespace shared_test
