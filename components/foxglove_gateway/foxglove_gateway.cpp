@@ -1017,7 +1017,7 @@ task<> foxglove_gateway::run() {
     };
     news.gone = [raw = held.get()](const std::string& path) { raw->forget(path); };
     news.trouble = [raw = held.get()](const std::string& what) { raw->note(what); };
-    system_watch watch(*this, options_, options_.name_server, std::move(news));
+    system_watch watch(*this, options_, options_.name_servers, std::move(news));
     if (env().is_virtual()) spawn("time", state::tell_time(held));
     for (;;) {
         co_await sleep(tick_period);

@@ -62,7 +62,7 @@ private:
     }
     static ise::node_options with_names(const ise::endpoint& server) {
         ise::node_options options;
-        options.name_server = server;
+        options.name_servers = {server};
         options.log = std::getenv("ISE_TEST_LOG") ? ise::log_to_stderr(ise::log_level::debug) : ise::log_sink();
         return options;
     }

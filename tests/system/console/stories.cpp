@@ -126,10 +126,10 @@ TEST_CASE("console: proxies are found as they come, other consoles are seen, and
     });
     auto names_at = ise::endpoint::parse("tcp://" + world.host("ns").address() + ":7400").value();
     gui_client_options options;
-    options.name_server = names_at;
+    options.name_servers = {names_at};
     desk one(world, "desk1", options, "atirma/console/anna", true);
     gui_client_options others;
-    others.name_server = names_at;
+    others.name_servers = {names_at};
     desk two(world, "desk2", others, "atirma/console/ben", true);
     auto present = [&](const std::string& path) {
         auto all = one.see()->present;

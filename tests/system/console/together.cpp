@@ -21,7 +21,7 @@ struct crew : shore {
     std::shared_ptr<operator_port> console(const std::string& name) {
         gui_client_options options;
         options.space = "shore";
-        options.name_server = ise::endpoint::parse("tcp://" + world.host("ns").address() + ":7400").value();
+        options.name_servers = {ise::endpoint::parse("tcp://" + world.host("ns").address() + ":7400").value()};
         auto port = options.port;
         consoles[name] = &names.start(name, name, [name, options](ise::node& node) {
             node.start<gui_client>("shore/console/" + name, names_test::everywhere(), options);

@@ -57,7 +57,7 @@ int main(int count, char** words) {
         ise::node_options options;
         options.log = ise::log_to_stderr(ise::log_level::info);
         options.use_names = std::string(words[1]) != "-";
-        if (options.use_names) options.name_server = ise::endpoint::parse(words[1]).value();
+        if (options.use_names) options.name_servers = {ise::endpoint::parse(words[1]).value()};
         ise::node node(env, std::move(options));
         ise::component_options where;
         where.listen = {ise::endpoint::parse(words[2]).value()};

@@ -119,7 +119,7 @@ namespace {
 
 ise::node_options talks_to(const std::string& name_server) {
     ise::node_options options;
-    options.name_server = ise::endpoint::parse(name_server).value();
+    options.name_servers = {ise::endpoint::parse(name_server).value()};
     options.log = {};
     return options;
 }
