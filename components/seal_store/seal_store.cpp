@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <string_view>
 #include <utility>
 
 namespace atirma::seal {
@@ -26,11 +27,6 @@ std::string place(const ise::environment& env, std::string file) {
     return env.is_virtual() ? "memory:" + std::move(file) : std::move(file);
 }
 
-ise::result<void> done(const ise::result<std::int64_t>& changed) {
-    if (!changed) return changed.error();
-    return {};
-}
-
 ise::result<std::optional<boat_counters>> kept_of(database& disk, const std::string& of, link_id link) {
     auto rows = disk.query("SELECT lane, session, highest, seen FROM accepted WHERE of = ? AND link = ?",
                            {of, static_cast<std::int64_t>(link)});
@@ -50,18 +46,75 @@ ise::result<std::optional<boat_counters>> kept_of(database& disk, const std::str
     return std::optional(made);
 }
 
-ise::result<void> keep(database& disk, const std::string& of, link_id link, const boat_counters& now) {
-    return disk.transaction([&] {
-        ise::result<void> put;
-        for (std::size_t lane = 0; put && lane < now.lanes.size(); ++lane)
-            put = done(
-                disk.execute("INSERT OR REPLACE INTO accepted VALUES(?, ?, ?, ?, ?, ?)",
-                             {of, static_cast<std::int64_t>(link), static_cast<std::int64_t>(lane),
-                              static_cast<std::int64_t>(now.of), static_cast<std::int64_t>(now.lanes[lane].highest),
-                              static_cast<std::int64_t>(now.lanes[lane].seen)}));
-        return put;
-    });
+ise::failure changed_by_another(const database& disk, std::string_view remedy) {
+    return ise::failure(ise::errc::refused,
+                        fmt::format("another process uses the counters in {}: {}", disk.file(), remedy));
 }
+
+// Only on top of what this process knows, or tried to write before: two that have the file open do not both use it.
+class kept_counters {
+public:
+    kept_counters(database& disk, std::string of, link_id link, boat_counters known)
+        : disk_(disk), of_(std::move(of)), link_(static_cast<std::int64_t>(link)), known_(known), tried_(known) {}
+
+    ise::result<void> operator()(const boat_counters& now) {
+        auto before = std::exchange(tried_, now);
+        auto put = disk_.transaction([&] {
+            ise::result<void> each;
+            for (std::size_t lane = 0; each && lane < now.lanes.size(); ++lane) each = put_lane(lane, before, now);
+            return each;
+        });
+        if (put) known_ = now;
+        return put;
+    }
+
+private:
+    ise::result<void> put_lane(std::size_t lane, const boat_counters& before, const boat_counters& now) {
+        auto number = [](std::uint64_t value) { return static_cast<std::int64_t>(value); };
+        auto changed =
+            disk_.execute("INSERT INTO accepted VALUES(?, ?, ?, ?, ?, ?) ON CONFLICT(of, link, lane) DO UPDATE SET "
+                          "session = excluded.session, highest = excluded.highest, seen = excluded.seen "
+                          "WHERE (session = ? AND highest = ? AND seen = ?) OR (session = ? AND highest = ? AND seen = ?)",
+                          {of_, link_, static_cast<std::int64_t>(lane), number(now.of), number(now.lanes[lane].highest),
+                           number(now.lanes[lane].seen), number(known_.of), number(known_.lanes[lane].highest),
+                           number(known_.lanes[lane].seen), number(before.of), number(before.lanes[lane].highest),
+                           number(before.lanes[lane].seen)});
+        if (!changed) return changed.error();
+        if (*changed == 0) return changed_by_another(disk_, "stop one of the two boats");
+        return {};
+    }
+
+    database& disk_;
+    std::string of_;
+    std::int64_t link_;
+    boat_counters known_, tried_;
+};
+
+class kept_reservation {
+public:
+    kept_reservation(database& disk, std::string of, shore_counters known)
+        : disk_(disk), of_(std::move(of)), known_(known), tried_(known) {}
+
+    ise::result<void> operator()(const shore_counters& now) {
+        auto before = std::exchange(tried_, now);
+        auto number = [](std::uint64_t value) { return static_cast<std::int64_t>(value); };
+        auto changed = disk_.execute(
+            "INSERT INTO reserved VALUES(?, ?, ?) ON CONFLICT(of) DO UPDATE SET session = excluded.session, "
+            "until = excluded.until WHERE (session = ? AND until = ?) OR (session = ? AND until = ?)",
+            {of_, number(now.of), number(now.reserved), number(known_.of), number(known_.reserved), number(before.of),
+             number(before.reserved)});
+        if (!changed) return changed.error();
+        if (*changed == 0)
+            return changed_by_another(disk_, "stop one of the two proxies, or give one of them radio-secondary");
+        known_ = now;
+        return {};
+    }
+
+private:
+    database& disk_;
+    std::string of_;
+    shore_counters known_, tried_;
+};
 
 } // namespace
 
@@ -79,12 +132,14 @@ ise::result<std::unique_ptr<boat_links>> boat_links::open(ise::environment& env,
         if (!kept) return kept.error();
         auto mine = *key;
         mine.link = name_of(link);
-        made->seals_[i].emplace(
-            std::move(mine), *kept, env.random(),
-            [self = made.get(), of, link](const boat_counters& now) { return keep(self->disk_, of, link, now); });
-        if (*kept) continue;
+        auto random = env.random();
+        boat_seal fresh(mine, *kept, random, nullptr);
+        kept_counters keeper(made->disk_, of, link, fresh.counters());
         // So that the notice of this start holds after the next one, too.
-        if (auto put = keep(made->disk_, of, link, made->seals_[i]->counters()); !put) return put.error();
+        if (!*kept) {
+            if (auto put = keeper(fresh.counters()); !put) return put.error();
+        }
+        made->seals_[i].emplace(std::move(mine), *kept, random, std::move(keeper));
     }
     return made;
 }
@@ -117,11 +172,7 @@ ise::result<std::unique_ptr<shore_link>> shore_link::open(ise::environment& env,
     }
     key->link = name_of(link);
     made->end_.emplace(std::move(*key), secondary ? lane::secondary : lane::primary, kept,
-                       [self = made.get(), of](const shore_counters& now) {
-                           return done(self->disk_.execute(
-                               "INSERT OR REPLACE INTO reserved VALUES(?, ?, ?)",
-                               {of, static_cast<std::int64_t>(now.of), static_cast<std::int64_t>(now.reserved)}));
-                       });
+                       kept_reservation(made->disk_, of, kept));
     return made;
 }
 
