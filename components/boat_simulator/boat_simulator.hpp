@@ -84,6 +84,7 @@ private:
     std::optional<ise::bytes> opened(link_id link, ise::bytes_view raw);
     ise::bytes sealed(link_id link, ise::bytes raw) const;
     void send_notices();
+    void tell_keys(const seal::boat_keys& before);
     void on_radio_event(const xbee::client_event& event);
     scene set_scene(const scene_request& request);
     ground_truth truth() const;

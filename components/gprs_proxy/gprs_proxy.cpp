@@ -182,6 +182,11 @@ std::optional<ise::bytes> gprs_proxy::opened(const ise::bytes& raw) {
     auto& l = *link_;
     if (!l.seal) return raw;
     auto got = l.seal->open(raw);
+    if (auto question = l.seal->take_question(); !question.empty()) {
+        gprs::order told;
+        told.raw = std::move(question);
+        l.shore.send(told); // if the boat has gone, its next notice is answered
+    }
     if (!got) {
         ++l.counts.malformed;
         if (auto left_out = l.strangers.admit(now()))
@@ -189,13 +194,8 @@ std::optional<ise::bytes> gprs_proxy::opened(const ise::bytes& raw) {
                           {{"cause", got.error().message()}, {"not_told_before", std::to_string(*left_out)}});
         return std::nullopt;
     }
-    if (!got->question.empty()) {
-        gprs::order told;
-        told.raw = std::move(got->question);
-        l.shore.send(told); // if the boat has gone, its next notice is answered
-    }
-    if (got->plain.empty()) return std::nullopt;
-    return std::move(got->plain);
+    if (got->empty()) return std::nullopt;
+    return std::move(*got);
 }
 
 void gprs_proxy::on_record(const gprs::record_came& came) {
@@ -324,6 +324,7 @@ void gprs_proxy::publish_state() {
     told.challenges = counted.challenges;
     told.strange_outcomes = counted.strange_outcomes;
     told.telecommands_open = l.commands.tracker().open_count();
+    told.seal = seal::shore_link::report(l.seal);
     l.states(told);
 }
 

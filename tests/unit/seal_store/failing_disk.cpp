@@ -39,7 +39,9 @@ int pass(Function sqlite3_io_methods::*what, sqlite3_file* f, Args... args) {
 }
 
 int io_close(sqlite3_file* f) { return pass(&sqlite3_io_methods::xClose, f); }
-int io_read(sqlite3_file* f, void* to, int n, sqlite3_int64 at) { return pass(&sqlite3_io_methods::xRead, f, to, n, at); }
+int io_read(sqlite3_file* f, void* to, int n, sqlite3_int64 at) {
+    return pass(&sqlite3_io_methods::xRead, f, to, n, at);
+}
 int io_write(sqlite3_file* f, const void* from, int n, sqlite3_int64 at) {
     if (!fails()) return pass(&sqlite3_io_methods::xWrite, f, from, n, at);
     if (n > 1) pass(&sqlite3_io_methods::xWrite, f, from, n / 2, at); // torn

@@ -3,15 +3,16 @@
 #include "failing_disk.hpp"
 
 #include <components/boat/telecommand.hpp>
+#include <components/seal/key_file.hpp>
 #include <components/seal_store/seal_store.hpp>
 
 #include <ise/core/real/environment.hpp>
 
 #include <support/catch.hpp>
 
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <cstdlib>
 #include <set>
 #include <sstream>
 #include <sys/stat.h>
@@ -89,8 +90,7 @@ void introduce(boat_links& boat, shore_link& shore) {
 
 std::uint64_t counter_of(const ise::bytes& sealed) {
     std::uint64_t counter = 0; // components/seal/README.md
-    for (std::size_t i = 0; i < counter_size; ++i)
-        counter |= std::to_integer<std::uint64_t>(sealed[2 + i]) << (8 * i);
+    for (std::size_t i = 0; i < counter_size; ++i) counter |= std::to_integer<std::uint64_t>(sealed[2 + i]) << (8 * i);
     return counter;
 }
 
@@ -355,7 +355,7 @@ TEST_CASE("seal store: files of counters belong to their owner alone") {
     auto shore = at.shore();
     introduce(*boat, *shore);
     for (const auto& each : std::filesystem::directory_iterator(at.there.path)) {
-        struct stat found{};
+        struct stat found {};
         REQUIRE(::stat(each.path().c_str(), &found) == 0);
         INFO(each.path());
         CHECK((found.st_mode & 0777) == 0600);
