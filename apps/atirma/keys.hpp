@@ -8,8 +8,8 @@ namespace atirma {
 int new_radio_key(const std::string& file, const std::string& boat);
 /// Prints boat, epoch and fingerprint of a key file, never the key. Exit code.
 int show_radio_key(const std::string& file);
-/// Makes a new file with the key of `file` and the next one, to which proxies change the boat; sealed by the recovery key
-/// in the file `recovery` unless that is empty. Exit code.
+/// Makes a new file with the key of `file` and the next one, to which proxies change the boat; sealed by the recovery
+/// key in the file `recovery` unless that is empty. Exit code.
 int next_radio_key(const std::string& file, const std::string& made, const std::string& recovery);
 /// Leaves only the next key in `file`. Exit code.
 int finish_radio_key(const std::string& file);

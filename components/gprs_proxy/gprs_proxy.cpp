@@ -10,6 +10,7 @@
 #include <components/seal_store/seal_store.hpp>
 
 #include <ise/core/log_limiter.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <asio/error.hpp>
 #include <fmt/format.h>
@@ -29,8 +30,10 @@ struct gprs_proxy::link {
     }
     link(gprs_proxy& self, const gprs_proxy_options& options)
         : shore(with_secret(self, options.shore)),
-          sockets(self.on(), self.log(),
-                  [&self](std::string name, ise::task<> body) { self.spawn(std::move(name), std::move(body)); }),
+          sockets(
+              self.on(), self.log(),
+              [&self](std::string name, ise::task<> body) { self.spawn(std::move(name), std::move(body)); },
+              self.services().peers().credentials()),
           commands(self, options.policy), due(self.on(),
                                               [this, &self] {
                                                   shore.on_time(self.now());
@@ -104,6 +107,11 @@ void gprs_proxy::open_doors() {
     l.sockets.on_disconnected = [this](std::uint64_t channel, const std::string& reason) {
         link_->shore.disconnected(now(), channel, reason);
         act();
+    };
+    l.sockets.on_unverified = [this](const std::string& peer, const std::string& reason) {
+        if (auto left_out = link_->strangers.admit(now()))
+            log().warning("a login over tls is refused",
+                          {{"from", peer}, {"cause", reason}, {"not_told_before", std::to_string(*left_out)}});
     };
     l.sockets.on_datagram = [this](const gprs::way& by, ise::bytes_view content) {
         link_->shore.on_datagram(now(), by, content);

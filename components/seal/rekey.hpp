@@ -11,8 +11,8 @@ ise::bytes rekey_content(const radio_key& next);
 /// `like`: of the same boat and link. Errors: malformed.
 ise::result<radio_key> parse_rekey(ise::bytes_view content, const radio_key& like);
 
-/// The recovery key opens nothing but this: a packet that makes the boat change to `next`. `generation` rises with each;
-/// the boat takes none twice.
+/// The recovery key opens nothing but this: a packet that makes the boat change to `next`. `generation` rises with
+/// each; the boat takes none twice.
 ise::bytes seal_recovery(const radio_key& recovery, std::uint64_t generation, const radio_key& next);
 struct recovered_key {
     radio_key next;

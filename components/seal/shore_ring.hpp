@@ -5,9 +5,9 @@
 
 namespace atirma::seal {
 
-/// The shore's end of a link whose key may be changed. It tells the boat of the next key and opens the boat's packets under
-/// both; it seals under the next one as soon as the boat has sent a notice under it, and forgets the former one when the
-/// boat sends anything else under the next.
+/// The shore's end of a link whose key may be changed. It tells the boat of the next key and opens the boat's packets
+/// under both. It seals under the next one as soon as the boat has sent a notice under it, and forgets the former one
+/// when the boat sends anything else under the next.
 class shore_ring {
 public:
     explicit shore_ring(shore_seal now) : now_(std::move(now)) {}

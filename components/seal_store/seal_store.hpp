@@ -21,8 +21,9 @@ inline constexpr const char* make_a_key =
     "atirma keys new radio.key makes a key: copy it to the boat and to the shore, "
     "and give it to the boat and to its proxies with radio-key";
 
-/// The boat's ends of all its links. Their counters are in `KEYFILE.boat.db`, on disk before a packet is handed out; keys
-/// that it has changed to since in `KEYFILE.keys.db`. `KEYFILE.recovery` is the recovery key; without it there is none.
+/// The boat's ends of all its links. Their counters are in `KEYFILE.boat.db`, on disk before a packet is handed out;
+/// keys that it has changed to since in `KEYFILE.keys.db`. `KEYFILE.recovery` is the recovery key; without it there is
+/// none.
 /// Used on one loop; each packet that is accepted blocks for one write to the disk.
 class boat_links {
 public:

@@ -29,7 +29,7 @@ std::string text_of(const std::string& file) {
     return std::string(std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>());
 }
 unsigned mode_of(const std::string& file) {
-    struct stat found{};
+    struct stat found {};
     REQUIRE(::stat(file.c_str(), &found) == 0);
     return found.st_mode & 07777;
 }
@@ -87,6 +87,48 @@ TEST_CASE("atirma keys: new replaces nothing and leaves nothing behind where it 
     std::filesystem::create_symlink(in.file("target"), in.file("link.key"));
     CHECK(keys({"new", in.file("link.key")}).exit_code == 1);
     CHECK_FALSE(std::filesystem::exists(in.file("target")));
+}
+
+TEST_CASE("atirma keys: rekey makes a file with both keys, and finish leaves the next one") {
+    folder in;
+    auto file = in.file("radio.key"), both = in.file("radio.next"), recovered = in.file("radio.recovered");
+    REQUIRE(keys({"new", file}).exit_code == 0);
+    CHECK(mode_of(file + ".recovery") == 0600);
+    auto before = text_of(file);
+    auto made = keys({"rekey", file, both});
+    INFO(made.out << made.err);
+    REQUIRE(made.exit_code == 0);
+    CHECK(mode_of(both) == 0600);
+    CHECK(text_of(file) == before);
+    CHECK(text_of(both).starts_with(before));
+    CHECK_THAT(made.out, Contains("epoch 0") && Contains("next: boat atirma, epoch 1, fingerprint "));
+    CHECK(keys({"show", both}).out == made.out);
+    CHECK(made.out.find(secret_of(both)) == made.out.npos);
+    auto twice = keys({"rekey", both, in.file("more")});
+    CHECK(twice.exit_code == 1);
+    CHECK_THAT(twice.err, Contains("atirma keys finish"));
+    CHECK(keys({"rekey", file, both}).exit_code == 1); // it exists
+    CHECK(keys({"rekey", file}).exit_code == 2);
+    CHECK(keys({"finish"}).exit_code == 2);
+    auto nothing = keys({"finish", file});
+    CHECK(nothing.exit_code == 1);
+    CHECK_THAT(nothing.err, Contains("one key only"));
+    auto finished = keys({"finish", both});
+    CHECK(finished.exit_code == 0);
+    CHECK_THAT(finished.out, Contains("boat atirma, epoch 1") && !Contains("next"));
+    CHECK(mode_of(both) == 0600);
+    CHECK(made.out.find(finished.out.substr(finished.out.find("fingerprint"))) != made.out.npos);
+
+    auto by_recovery = keys({"rekey", file, recovered, "--recovery", file + ".recovery"});
+    REQUIRE(by_recovery.exit_code == 0);
+    CHECK_THAT(by_recovery.out, Contains("the recovery key seals the change"));
+    CHECK_THAT(text_of(recovered), Contains("\nrecovery "));
+    REQUIRE(keys({"new", in.file("other.key"), "--boat", "other"}).exit_code == 0);
+    auto wrong = keys({"rekey", file, in.file("wrong"), "--recovery", in.file("other.key.recovery")});
+    CHECK(wrong.exit_code == 1);
+    CHECK_THAT(wrong.err, Contains("of the boat other"));
+    CHECK(keys({"rekey", file, in.file("wrong"), "--recovery", file}).exit_code == 1); // no recovery key
+    CHECK_FALSE(std::filesystem::exists(in.file("wrong")));
 }
 
 TEST_CASE("atirma keys: wrong arguments end with 2, files that are no key of their own with 1") {

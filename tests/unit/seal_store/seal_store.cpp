@@ -380,6 +380,125 @@ TEST_CASE("seal store: another key begins a session of its own, and counters of 
     CHECK(boat->open(radio, shore->seal(command(2)).value()));
 }
 
+namespace {
+
+/// The boat says something, the shore answers, until nothing is left to say.
+void talk(boat_links& boat, shore_link& shore, ise::time_point& now) {
+    acknowledgement said;
+    said.id = 9;
+    for (int i = 0; i < 3; ++i) {
+        (void)shore.open(boat.seal(radio, encode_acknowledgement(said)));
+        for (int step = 0; step < 3; ++step) {
+            auto question = shore.take_question();
+            if (!question.empty()) (void)boat.open(radio, question);
+            auto notice = boat.take_notice(radio, now += 10s, 5s);
+            if (!notice.empty()) (void)shore.open(notice);
+        }
+    }
+}
+
+radio_key next_key(int salt = 50) {
+    auto made = a_key(salt);
+    made.epoch = 1;
+    return made;
+}
+
+} // namespace
+
+TEST_CASE("seal store: a changed key outlives restarts, also where the counters are lost") {
+    quay at;
+    ise::time_point now(1h);
+    auto boat = at.boat();
+    auto shore = at.shore();
+    introduce(*boat, *shore);
+    radio_keys both{a_key(), next_key(), {}};
+    write_text(at.key_file() + ".shore", format_keys(both));
+    ::chmod((at.key_file() + ".shore").c_str(), 0600);
+    auto changing = [&] {
+        return std::move(shore_link::open(at.env, at.key_file() + ".shore", radio, false, at.replacing()).value());
+    };
+    shore = changing();
+    CHECK(shore_link::report(shore).next_epoch == std::uint8_t{1});
+    CHECK(shore_link::report(shore).epoch == 0);
+    talk(*boat, *shore, now);
+    CHECK(boat->keys().now.epoch == 1);
+    CHECK_FALSE(shore_link::report(shore).next_epoch);
+    CHECK(shore_link::report(shore).epoch == 1);
+    CHECK(shore_link::report(shore).key == fingerprint(next_key()));
+    REQUIRE(boat->open(radio, shore->seal(command(1)).value()));
+    for (bool lost : {false, true}) {
+        boat.reset();
+        shore.reset();
+        if (lost)
+            for (const auto& each : std::filesystem::directory_iterator(at.there.path))
+                if (each.path().string().starts_with(at.boat_file())) std::filesystem::remove(each.path());
+        boat = at.boat();
+        shore = changing();
+        CHECK(boat->keys().now.epoch == 1);
+        CHECK(shore_link::report(shore).epoch == 1);
+        talk(*boat, *shore, now);
+        REQUIRE(boat->open(radio, shore->seal(command(2)).value()));
+    }
+    struct stat found {};
+    REQUIRE(::stat((at.key_file() + ".keys.db").c_str(), &found) == 0);
+    CHECK((found.st_mode & 0777) == 0600);
+}
+
+TEST_CASE("seal store: the recovery key beside the boat's key changes it, and a file of another boat is refused") {
+    quay at;
+    ise::time_point now(1h);
+    auto recovery = a_key(90);
+    auto file = at.key_file() + ".recovery";
+    write_text(file, format_recovery_key(recovery));
+    ::chmod(file.c_str(), 0600);
+    auto boat = at.boat();
+    auto change = seal_recovery(recovery, 7, next_key());
+    CHECK(boat->open(radio, change));
+    REQUIRE(boat->keys().next);
+    boat.reset();
+    boat = at.boat();
+    CHECK_FALSE(boat->open(link_id::gprs, change)); // kept, and once over all links
+    CHECK(boat->keys().next->secret == next_key().secret);
+    CHECK(boat->keys().next_by_recovery);
+    boat.reset();
+    recovery.boat = "another";
+    write_text(file, format_recovery_key(recovery));
+    auto refused = at.open_boat();
+    REQUIRE_FALSE(refused);
+    CHECK(refused.error().message().find(file) != std::string::npos);
+    ::chmod(file.c_str(), 0644);
+    CHECK_FALSE(at.open_boat());
+}
+
+TEST_CASE(
+    "seal store: at whichever change of the boat's disk a change of its key fails, it ends under one of the keys") {
+    bool failed = true;
+    for (int n = 0; failed; ++n) {
+        REQUIRE(n < 500);
+        quay at;
+        failing_disk disk;
+        ise::time_point now(1h);
+        radio_keys both{a_key(), next_key(), {}};
+        write_text(at.key_file() + ".shore", format_keys(both));
+        ::chmod((at.key_file() + ".shore").c_str(), 0600);
+        auto shore = std::move(shore_link::open(at.env, at.key_file() + ".shore", radio, false).value());
+        {
+            auto boat = at.boat();
+            introduce(*boat, *shore);
+            disk.fail_at(n);
+            talk(*boat, *shore, now);
+        }
+        failed = disk.failed();
+        disk.repair();
+        auto boat = at.boat();
+        talk(*boat, *shore, now);
+        talk(*boat, *shore, now);
+        talk(*boat, *shore, now);
+        CHECK(boat->keys().now.epoch == 1);
+        REQUIRE(boat->open(radio, shore->seal(command(1)).value()));
+    }
+}
+
 TEST_CASE("seal store: notices are sent once in their period at most") {
     quay at;
     auto boat = at.boat();
