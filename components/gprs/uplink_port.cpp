@@ -83,6 +83,7 @@ ise::task<std::string> uplink_port::serve_stream() {
         if (got.bytes > 0) came(ise::bytes_view(buffer_).first(got.bytes));
         if (!closing_.empty()) co_return closing_;
         if (got.problem == asio::error::operation_aborted) co_return std::string(); // we were cancelled
+        if (auto verdict = stream_->verdict()) co_return verdict->message();        // of the certificates
         if (got.problem == asio::error::eof) co_return "the shore closed the connection";
         if (got.problem) co_return fmt::format("the connection to the shore broke: {}", got.problem.message());
     }

@@ -69,7 +69,10 @@ ise::task<> listeners::read(std::uint64_t channel, std::shared_ptr<line> from) {
         if (got.bytes > 0) on_bytes(channel, ise::bytes_view(buffer).first(got.bytes));
         if (!got.problem) continue;
         if (got.problem == asio::error::operation_aborted) co_return;
-        if (!verified && got.problem != asio::error::eof && on_unverified) on_unverified(peer, got.problem.message());
+        if (!verified && got.problem != asio::error::eof && on_unverified) {
+            auto verdict = from->stream->verdict();
+            on_unverified(peer, verdict ? verdict->message() : got.problem.message());
+        }
         if (!from->cut)
             on_disconnected(channel, got.problem == asio::error::eof
                                          ? "the boat closed the connection"
