@@ -25,7 +25,8 @@ component_type gprs_proxy_type(const std::function<void(const std::string&)>& an
     auto options = std::make_shared<gprs_proxy_options>();
     options->on_listening = [announce](const std::vector<ise::endpoint>& listening) { announce(ready(listening)); };
     auto& set = type.parameters;
-    set.add("boat-listen", options->listen, "endpoints for the boat, tcp:// and udp://; port 0: any free one")
+    set.add("boat-listen", options->listen,
+            "endpoints for the boat: tls:// (requires certificates), tcp://, udp://; port 0: any free one")
         .kind(parameter_kind::endpoint);
     set.add("boat-id", options->shore.boat_id, "the boat's id; other logins are refused");
     set.add("store", options->store_at,

@@ -1,6 +1,7 @@
 #include "keys.hpp"
 
-#include <components/seal/sealed_frame.hpp>
+#include <components/seal/key_file.hpp>
+#include <components/seal/rekey.hpp>
 
 #include <ise/core/real/environment.hpp>
 
@@ -9,6 +10,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <ctime>
 #include <fcntl.h>
 #include <sys/random.h>
 #include <unistd.h>
@@ -23,39 +25,107 @@ int failed(const std::string& what) {
 
 std::string because() { return std::strerror(errno); }
 
-int show(const seal::radio_key& key) {
-    fmt::print("boat {}, epoch {}, fingerprint {}\n", key.boat, key.epoch, seal::fingerprint(key));
+constexpr std::size_t max_key_file = 4096;
+
+void print(const char* what, const seal::radio_key& key) {
+    fmt::print("{}boat {}, epoch {}, fingerprint {}\n", what, key.boat, key.epoch, seal::fingerprint(key));
+}
+
+int show(const seal::radio_keys& keys) {
+    print("", keys.now);
+    if (keys.next) print("next: ", *keys.next);
+    if (!keys.recovery.empty()) fmt::print("the recovery key seals the change\n");
     return 0;
+}
+
+bool draw(seal::radio_key& into) {
+    return ::getrandom(into.secret.data(), into.secret.size(), 0) == static_cast<ssize_t>(into.secret.size());
+}
+
+// A new file for its owner only. Why not; empty: it is on disk.
+std::string write_new(const std::string& file, const std::string& text) {
+    int out = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
+    if (out < 0)
+        return fmt::format("cannot make {}: {}{}", file, because(),
+                           errno == EEXIST ? "; a key is never replaced, remove it first" : "");
+    bool good = ::write(out, text.data(), text.size()) == static_cast<ssize_t>(text.size()) && ::fsync(out) == 0;
+    auto why = because();
+    if (::close(out) == 0 && good) return {};
+    ::unlink(file.c_str());
+    return fmt::format("cannot write {}: {}", file, why);
+}
+
+ise::result<seal::radio_keys> read(const std::string& file) {
+    auto text = ise::real_environment().read_secret(file, max_key_file);
+    if (!text) return text.error();
+    return seal::parse_keys(*text, file);
 }
 
 } // namespace
 
 int new_radio_key(const std::string& file, const std::string& boat) {
-    seal::radio_key key;
-    key.boat = boat;
-    if (::getrandom(key.secret.data(), key.secret.size(), 0) != static_cast<ssize_t>(key.secret.size()))
-        return failed("no random numbers: " + because());
+    seal::radio_key key, recovery;
+    key.boat = recovery.boat = boat;
+    if (!draw(key) || !draw(recovery)) return failed("no random numbers: " + because());
     auto text = seal::format_key(key);
-    if (auto good = seal::parse_key(text, file); !good) return failed("the boat's name has 1 to 64 bytes, in one line");
-    int out = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-    if (out < 0)
-        return failed(fmt::format("cannot make {}: {}{}", file, because(),
-                                  errno == EEXIST ? "; a key is never replaced, remove it first" : ""));
-    bool good = ::write(out, text.data(), text.size()) == static_cast<ssize_t>(text.size()) && ::fsync(out) == 0;
-    auto why = because();
-    if (::close(out) != 0 || !good) {
+    if (auto good = seal::parse_keys(text, file); !good || good->now.boat != boat)
+        return failed("the boat's name has 1 to 64 bytes, in one line");
+    if (auto why = write_new(file, text); !why.empty()) return failed(why);
+    auto recovery_file = file + ".recovery";
+    if (auto why = write_new(recovery_file, seal::format_recovery_key(recovery)); !why.empty()) {
         ::unlink(file.c_str());
-        return failed(fmt::format("cannot write {}: {}", file, why));
+        return failed(why);
     }
-    return show(key);
+    print("", key);
+    fmt::print("{} changes the key if this one is stolen: copy both files to the boat, and keep that one off the "
+               "shore's machines\n",
+               recovery_file);
+    return 0;
 }
 
 int show_radio_key(const std::string& file) {
-    auto text = ise::real_environment().read_secret(file, 4096);
-    if (!text) return failed(text.error().message());
-    auto key = seal::parse_key(*text, file);
-    if (!key) return failed(key.error().message());
-    return show(*key);
+    auto keys = read(file);
+    return keys ? show(*keys) : failed(keys.error().message());
+}
+
+int next_radio_key(const std::string& file, const std::string& made, const std::string& recovery) {
+    auto keys = read(file);
+    if (!keys) return failed(keys.error().message());
+    if (keys->next)
+        return failed(fmt::format("{} is being changed to epoch {}: when the boat uses that on every link, run atirma "
+                                  "keys finish {}",
+                                  file, keys->next->epoch, file));
+    keys->next = keys->now;
+    keys->next->epoch = static_cast<std::uint8_t>((keys->now.epoch + 1) % (seal::max_epoch + 1));
+    if (!draw(*keys->next)) return failed("no random numbers: " + because());
+    if (!recovery.empty()) {
+        auto text = ise::real_environment().read_secret(recovery, max_key_file);
+        if (!text) return failed(text.error().message());
+        auto by = seal::parse_recovery_key(*text, recovery);
+        if (!by) return failed(by.error().message());
+        if (by->boat != keys->now.boat)
+            return failed(fmt::format("{} is of the boat {}, and {} of {}", recovery, by->boat, file, keys->now.boat));
+        // The boat takes rising numbers only: the clock refuses a packet, and admits none.
+        keys->recovery = seal::seal_recovery(*by, static_cast<std::uint64_t>(std::time(nullptr)), *keys->next);
+    }
+    if (auto why = write_new(made, seal::format_keys(*keys)); !why.empty()) return failed(why);
+    return show(*keys);
+}
+
+int finish_radio_key(const std::string& file) {
+    auto keys = read(file);
+    if (!keys) return failed(keys.error().message());
+    if (!keys->next) return failed(fmt::format("{} has one key only: nothing is to be finished", file));
+    seal::radio_keys then;
+    then.now = *keys->next;
+    auto fresh = file + ".new";
+    if (auto why = write_new(fresh, seal::format_keys(then)); !why.empty()) return failed(why);
+    if (::rename(fresh.c_str(), file.c_str()) != 0) {
+        auto why = because();
+        ::unlink(fresh.c_str());
+        return failed(fmt::format("cannot replace {}: {}", file, why));
+    }
+    return show(then);
 }
 
 } // namespace atirma

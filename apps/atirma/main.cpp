@@ -200,7 +200,8 @@ int obey(int count, char** words) {
     auto* keys = app.add_subcommand("keys", "the radio's key, which seals what boat and shore send");
     keys->require_subcommand(1);
     std::string boat = "atirma";
-    auto* new_key = keys->add_subcommand("new", "make a random key in a new file, readable by its owner only");
+    auto* new_key = keys->add_subcommand(
+        "new", "make a random key in a new file, readable by its owner only, and a recovery key beside it");
     new_key->add_option("file", file, "the key file; copy it to the boat and to the shore")->required();
     new_key->add_option("--boat", boat, "name of the boat: its key opens nothing of another boat")
         ->capture_default_str();
@@ -210,6 +211,24 @@ int obey(int count, char** words) {
     show_key->add_option("file", file, "the key file")->required();
     show_key->footer("Exit codes: 0 it is a key, 1 it is not or cannot be read, 2 wrong arguments.\n"
                      "Example: atirma keys show radio.key");
+
+    std::string made, recovery;
+    auto* rekey = keys->add_subcommand("rekey", "make the next key, in a new file with both; proxies with that file "
+                                                "change the boat's key over the radio");
+    rekey->add_option("file", file, "the key file in use")->required();
+    rekey->add_option("new", made, "the new file: it replaces the key file on every shore host")->required();
+    rekey->add_option("--recovery", recovery,
+                      "file of the recovery key, which seals the change: needed if somebody else has changed the "
+                      "boat's key, or has the one in use");
+    rekey->footer("Copy the new file over the key file, first on the secondary node's host, and restart the proxies. "
+                  "The boat accepts both keys until the first packet under the new one.\n"
+                  "Exit codes: 0 made, 1 a file cannot be read or made, 2 wrong arguments.\n"
+                  "Example: atirma keys rekey radio.key radio.next");
+    auto* finish =
+        keys->add_subcommand("finish", "remove the former key from a key file, once every link uses the next");
+    finish->add_option("file", file, "the key file")->required();
+    finish->footer("Exit codes: 0 done, 1 it has one key only or cannot be written, 2 wrong arguments.\n"
+                   "Example: atirma keys finish radio.key");
 
     auto* decodes = app.add_subcommand(
         "decode", "reads lines of `ise echo NAME telemetry` and prints them with the fields of the boat's reports");
@@ -252,6 +271,8 @@ int obey(int count, char** words) {
         if (decodes->parsed()) return decode_input();
         if (new_key->parsed()) return atirma::new_radio_key(file, boat);
         if (show_key->parsed()) return atirma::show_radio_key(file);
+        if (rekey->parsed()) return atirma::next_radio_key(file, made, recovery);
+        if (finish->parsed()) return atirma::finish_radio_key(file);
         return observes->parsed() ? observe(common, observer) : run(common, wanted);
     } catch (const std::exception& why) {
         complain(why.what());

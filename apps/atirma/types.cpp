@@ -57,7 +57,7 @@ component_type boat_simulator_type() {
         .unit("s");
     set.add("speedup", options->speedup, "factor of the boat's model time").range(0.1, 1000);
     set.add("seed", options->seed, "random seed of gusts and instruments");
-    set.add("gprs", options->gprs, "GPRS proxy or carrier to connect to, tcp:// or udp:// (default: none)")
+    set.add("gprs", options->gprs, "GPRS proxy or carrier to connect to, tls://, tcp:// or udp:// (default: none)")
         .kind(parameter_kind::url);
     set.add("gprs-id", options->uplink.id, "its id at the GPRS proxy");
     set.add("gprs-period", options->gprs_period_s, "period of its telemetry over GPRS; 0: none")

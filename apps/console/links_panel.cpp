@@ -20,6 +20,24 @@ QString bytes_text(std::uint64_t bytes) {
     return QStringLiteral("%1 kB").arg(static_cast<double>(bytes) / 1000, 0, 'f', 1);
 }
 
+QString seal_text(const link_view& link, utc_time now) {
+    const auto& t = colours();
+    const auto* seal = link.seal();
+    if (!seal) return QStringLiteral("–");
+    auto coloured = [](const QColor& colour, const QString& words) {
+        return QStringLiteral("<span style='color:%1'>%2</span>").arg(colour.name(), words);
+    };
+    if (!seal->sealed) return coloured(t.warn, QLabel::tr("not sealed: anybody with a radio can command the boat"));
+    auto age = seal->verified_at ? text(age_text(age_s(now, *seal->verified_at))) : QString();
+    auto words = !seal->verified_at ? coloured(t.warn, QLabel::tr("sealed, boat not verified yet"))
+                 : age == "now"     ? QLabel::tr("sealed, boat verified now")
+                                    : QLabel::tr("sealed, boat verified %1 ago").arg(age);
+    words += QLabel::tr(" · key %1, epoch %2").arg(text(seal->key)).arg(seal->epoch);
+    if (seal->next_epoch) words += coloured(t.warn, QLabel::tr(" · changing to epoch %1").arg(*seal->next_epoch));
+    if (seal->refused > 0) words += coloured(t.warn, QLabel::tr(" · %1 refused").arg(seal->refused));
+    return words;
+}
+
 } // namespace
 
 link_card::link_card(std::string path, operator_actions& actions, QWidget* parent)
@@ -50,6 +68,11 @@ link_card::link_card(std::string path, operator_actions& actions, QWidget* paren
     commands_ = values.add(tr("Commands open"), tr("Telecommands that the boat has not answered yet"));
     traffic_ = values.add(tr("Traffic"), tr("Bytes received; for Iridium the credits, one for each 50 bytes begun"));
     boat_side_ = values.add(tr("Boat sent, failed"), tr("By the boat's own counters"));
+    seal_ = values.add(tr("Seal"),
+                       tr("Whether packets over this link are sealed with the radio's key, and the last packet that "
+                          "proved to be of the boat"),
+                       true);
+    seal_->setObjectName("link_seal");
     column->addLayout(values.layout());
     column_ = column;
 }
@@ -105,6 +128,7 @@ bool link_card::show_link(const link_view& link, const boat_view& boat, utc_time
     traffic_->setText(bytes_text(link.bytes) + cost);
     boat_side_->setText(there ? QStringLiteral("%1, %2").arg(there->value.sent).arg(there->value.failed) : "–");
     commands_->setText(QString::number(link.open_commands));
+    seal_->setText(seal_text(link, now));
     bool grown = false;
     if (!details_) {
         details_ = link_details::make(link, actions_, this);

@@ -32,7 +32,7 @@ private:
     operator_actions& actions_;
     QVBoxLayout* column_;
     QLabel *head_, *state_;
-    QLabel *heard_, *signal_, *packets_, *lost_, *queue_, *traffic_, *boat_side_, *commands_;
+    QLabel *heard_, *signal_, *packets_, *lost_, *queue_, *traffic_, *boat_side_, *commands_, *seal_;
     link_details* details_ = nullptr; ///< after the first report of its proxy
 };
 

@@ -110,11 +110,14 @@ void command_list::show_snapshot(const snapshot& seen, utc_time now) {
         set_cell(table_, row, 1, text(it->what) + details_of(*it), t.ink);
         set_cell(table_, row, 2, "● " + phase_text(*it, now), colour_of(it->phase), tip);
         auto who = it->asked_by.empty() ? tr("other") : text(operator_label(it->asked_by));
-        auto by = it->own ? tr("here") : who;
+        auto by = (it->own ? tr("here") : who) + (it->asked_as.empty() ? QString() : QStringLiteral(" ✓"));
+        auto verified = it->asked_as.empty()             ? tr("identity not verified")
+                        : it->asked_as.ends_with("/key") ? tr("a holder of the shared key, which names nobody")
+                                                         : tr("verified as %1").arg(text(it->asked_as));
         if (it->link) by += "\n" + text(label(*it->link));
         set_cell(table_, row, 3, by, it->own ? t.ink2 : t.accent,
                  (it->own ? tr("sent from this console") : tr("sent by: %1").arg(text(it->asked_by))) + "\n" +
-                     text(it->path));
+                     verified + "\n" + text(it->path));
         if (it->id == chosen_id) table_->setCurrentCell(row, 0);
     }
     offer();

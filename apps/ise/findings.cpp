@@ -54,6 +54,8 @@ public:
         subscriptions(*one.about);
         waits(*one.about);
         if (!one.health) return;
+        for (const auto& told : one.health->cautions)
+            add(severity_level::warning, "caution", told.message, told.advice);
         clock(one);
         traffic(*one.health, one.about->packets_dropped);
     }

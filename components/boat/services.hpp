@@ -104,6 +104,7 @@ struct telecommand_status {
     std::optional<std::uint32_t> boat_obeys; ///< the epoch that the boat obeys, where its answer said so
     std::optional<utc_time> valid_until;     ///< by the shore's clock; after it the boat does not execute it
     std::optional<utc_time> executed_at;     ///< by the shore's clock, as the boat's answer tells
+    std::string asked_as; ///< from a communication node: the operator's verified identity; empty: it was not verified
 };
 
 /// Which telecommand to follow; 0: all.

@@ -2,6 +2,8 @@
 
 #include <components/xbee/at_command.hpp>
 
+#include <ise/service/service_host.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -131,6 +133,7 @@ ise::task<> boat_simulator::run() {
     if (!options_.gprs.empty()) {
         gprs::port_options call;
         call.shore = ise::endpoint::parse(options_.gprs).value();
+        call.security = services().peers().credentials();
         call.link = options_.uplink;
         if (seal_) call.link.seal = [this](ise::bytes raw) { return sealed(link_id::gprs, std::move(raw)); };
         uplink_ = std::make_unique<gprs::uplink_port>(on(), log(), std::move(call), boat_->boot());

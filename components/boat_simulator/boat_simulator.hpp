@@ -30,7 +30,7 @@ struct boat_simulator_options {
     xbee::port_options port;                          ///< the boat's own modem; an empty device: it has no radio
     std::uint64_t shore_address = 0x0013A20040000001; ///< of the shore's modem
     iridium_uplink_options iridium;                   ///< the boat's 9602; an empty device: it has none
-    std::string gprs;            ///< where it connects over GPRS, tcp or udp endpoint; empty: it does not
+    std::string gprs;            ///< where it connects over GPRS: tcp, tls or udp; empty: it does not
     gprs::uplink_options uplink; ///< of that link
     double gprs_period_s = 5;    ///< of telemetry there, at the start; 0 is off
     /// File with its state over a loss of power (boat_memory.hpp): it then continues at its position. Empty: no memory.
@@ -84,6 +84,7 @@ private:
     std::optional<ise::bytes> opened(link_id link, ise::bytes_view raw);
     ise::bytes sealed(link_id link, ise::bytes raw) const;
     void send_notices();
+    void tell_keys(const seal::boat_keys& before);
     void on_radio_event(const xbee::client_event& event);
     scene set_scene(const scene_request& request);
     ground_truth truth() const;

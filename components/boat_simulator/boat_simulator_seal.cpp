@@ -1,6 +1,8 @@
 // What the boat believes on its links, and how it seals what it sends.
 #include <components/boat_simulator/boat_simulator.hpp>
 
+#include <ise/service/service_host.hpp>
+
 namespace atirma {
 namespace {
 using namespace std::chrono_literals;
@@ -13,11 +15,16 @@ void boat_simulator::open_seal() {
     seal_.reset();
     if (options_.radio_key_file.empty()) {
         log().warning("the radio is not sealed: the boat obeys whoever can send to it (set radio-key)", {});
+        ise::caution open;
+        open.message = "telecommands to it are not sealed: anybody with a radio can command the boat";
+        open.advice = seal::make_a_key;
+        services().warn_of(std::move(open));
         return;
     }
     when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
     seal_ = std::move(seal::boat_links::open(env(), options_.radio_key_file, std::move(how)).value());
-    log().info("the radio is sealed", {{"boat", seal_->key().boat}, {"key", seal::fingerprint(seal_->key())}});
+    log().info("the radio is sealed",
+               {{"boat", seal_->keys().now.boat}, {"key", seal::fingerprint(seal_->keys().now)}});
 }
 
 ise::bytes boat_simulator::sealed(link_id link, ise::bytes raw) const {
@@ -27,10 +34,12 @@ ise::bytes boat_simulator::sealed(link_id link, ise::bytes raw) const {
 /// Nothing: refused, or about the seal only.
 std::optional<ise::bytes> boat_simulator::opened(link_id link, ise::bytes_view raw) {
     if (!seal_) return ise::bytes(raw.begin(), raw.end());
+    auto before = seal_->keys();
     auto plain = seal_->open(link, raw);
+    tell_keys(before);
     if (plain) {
         if (!plain->empty()) return std::move(*plain);
-        log().info("the shore asks for the session of the counters", {{"link", std::string(name_of(link))}});
+        log().info("the shore has sent a packet about the seal", {{"link", std::string(name_of(link))}});
         return std::nullopt;
     }
     if (auto left_out = quiet_.admit(now()))
@@ -38,6 +47,18 @@ std::optional<ise::bytes> boat_simulator::opened(link_id link, ise::bytes_view r
                                                {"link", std::string(name_of(link))},
                                                {"left_out", std::to_string(*left_out)}});
     return std::nullopt;
+}
+
+void boat_simulator::tell_keys(const seal::boat_keys& before) {
+    const auto& now = seal_->keys();
+    if (now.next && (!before.next || before.next->secret != now.next->secret))
+        log().info("the shore has sent the next key of the radio",
+                   {{"key", seal::fingerprint(*now.next)},
+                    {"epoch", std::to_string(now.next->epoch)},
+                    {"by", now.next_by_recovery ? "the recovery key" : "the key in use"}});
+    if (before.now.secret != now.now.secret)
+        log().info("the key of the radio has changed",
+                   {{"key", seal::fingerprint(now.now)}, {"epoch", std::to_string(now.now.epoch)}});
 }
 
 void boat_simulator::send_notices() {

@@ -91,10 +91,11 @@ void communication_node::parts::offer_services() {
                  [this](keep_request request) { return telemetry.keep(std::move(request)); });
     self.provide(services::track, [this](track_request request) { return telemetry.track(request); });
     self.provide(services::telecommand, [this](telecommand_request request, const ise::call_context& context) {
-        return telecommands.command(std::move(request), operator_of(context.caller, context.who), context.deadline);
+        return telecommands.command(std::move(request), operator_of(context.caller, context.who),
+                                    std::string(context.who), context.deadline);
     });
     self.provide(services::telecommand_recall, [this](recall_request request, const ise::call_context& context) {
-        return telecommands.call_back(std::move(request), operator_of(context.caller));
+        return telecommands.call_back(std::move(request), operator_of(context.caller, context.who));
     });
     self.provide(services::authority, [this](authority_request request, const ise::call_context& context) {
         return authority.change(std::move(request), operator_of(context.caller, context.who));

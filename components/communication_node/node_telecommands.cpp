@@ -121,12 +121,14 @@ void node_telecommands::check(const telecommand_request& request, const std::str
 }
 
 /// From here on it is on record, and under way.
-ise::result<command_record> node_telecommands::begin(const telecommand_request& request, const std::string& who) {
+ise::result<command_record> node_telecommands::begin(const telecommand_request& request, const std::string& who,
+                                                     const std::string& verified) {
     auto chosen = static_cast<std::uint32_t>(here_.self.env().random()) | 1u; // never 0
     auto over = links_.table().best(here_.now(), {}).value_or(link_id::xbee);
     auto record = router_.prepare(here_.now(), here_.clock(), request, chosen, who, authority_.now().boat_epoch,
                                   here_.self.path(), over);
     if (!record) return record;
+    record->status.asked_as = verified;
     auto put = store_.written(store_->put(std::span(&*record, 1)));
     if (!put)
         return ise::failure(
@@ -140,7 +142,7 @@ ise::result<command_record> node_telecommands::begin(const telecommand_request& 
 }
 
 ise::task<telecommand_reply> node_telecommands::command(telecommand_request request, std::string who,
-                                                        ise::time_point deadline) {
+                                                        std::string verified, ise::time_point deadline) {
     std::optional<command_record> record;
     if (request.id != 0) {
         auto found = known(request.id);
@@ -152,7 +154,7 @@ ise::task<telecommand_reply> node_telecommands::command(telecommand_request requ
                                           request.id, name_of(record->status.kind), record->status.asked_by));
     if (!record) {
         check(request, who);
-        auto begun = begin(request, who);
+        auto begun = begin(request, who, verified);
         if (!begun) throw command_refused(begun.error().message());
         record = std::move(*begun);
     }
@@ -164,7 +166,7 @@ ise::task<telecommand_reply> node_telecommands::command(telecommand_request requ
 void node_telecommands::announce_epoch() {
     telecommand_request ping;
     ping.valid_s = 3600;
-    auto begun = begin(ping, here_.self.path());
+    auto begun = begin(ping, here_.self.path(), {});
     // If too many are open, the next one carries the epoch.
     if (!begun && begun.error().code() != ise::errc::overloaded)
         here_.self.log().warning("the boat is not told of the new epoch now", {{"cause", begun.error().message()}});

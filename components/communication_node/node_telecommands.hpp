@@ -37,7 +37,9 @@ public:
     std::size_t open_count() const noexcept { return router_.open_count(); }
 
     // Services.
-    ise::task<telecommand_reply> command(telecommand_request request, std::string who, ise::time_point deadline);
+    /// `verified`: the identity of `who`; empty: not verified.
+    ise::task<telecommand_reply> command(telecommand_request request, std::string who, std::string verified,
+                                         ise::time_point deadline);
     record_page record(const record_request& request);
     /// Only by the operator who gave it, or who has the authority.
     ise::task<recall_reply> call_back(recall_request request, std::string who);
@@ -45,7 +47,8 @@ public:
 private:
     ise::result<std::optional<command_record>> known(std::uint32_t id);
     void check(const telecommand_request& request, const std::string& who);
-    ise::result<command_record> begin(const telecommand_request& request, const std::string& who);
+    ise::result<command_record> begin(const telecommand_request& request, const std::string& who,
+                                      const std::string& verified);
     void record_changes();
     ise::task<> drive(command_router::give what);
     ise::task<> recall(command_router::recall what);

@@ -16,9 +16,16 @@ constexpr std::size_t unwritten_at_most = 2048; // then what is new overtakes wh
 constexpr ise::duration write_again = 50ms;
 
 port_options checked(ise::loop& on, port_options options) {
-    if (options.shore.kind != ise::protocol::tcp && options.shore.kind != ise::protocol::udp)
+    auto kind = options.shore.kind;
+    if (kind != ise::protocol::tcp && kind != ise::protocol::tls && kind != ise::protocol::udp)
         throw ise::error(ise::errc::invalid_argument,
-                         fmt::format("the uplink goes over tcp or udp, not to {}", options.shore.text()));
+                         fmt::format("the uplink goes over tcp, tls or udp, not to {}", options.shore.text()));
+    if (kind == ise::protocol::tls && !options.security.tls)
+        throw ise::error(
+            ise::errc::invalid_argument,
+            fmt::format("the uplink to {} requires a certificate of the boat: give the folder with ca.pem, "
+                        "certificate.pem and key.pem with --tls FOLDER or ISE_TLS",
+                        options.shore.text()));
     options.link.datagrams = options.shore.kind == ise::protocol::udp;
     options.link.token = on.env().random();
     return options;
@@ -64,7 +71,7 @@ ise::task<> uplink_port::run() {
 /// Until the connection is gone; says why.
 ise::task<std::string> uplink_port::serve_stream() {
     auto until = ise::saturating_add(loop_.now(), options_.connect_time);
-    auto made = co_await ise::net::connect_until(loop_, options_.shore, until);
+    auto made = co_await ise::net::connect_until(loop_, options_.shore, until, options_.security);
     if (!made && made.error().code() == ise::errc::cancelled) co_return std::string();
     if (!made) co_return made.error().message();
     stream_ = std::move(*made);
@@ -76,6 +83,7 @@ ise::task<std::string> uplink_port::serve_stream() {
         if (got.bytes > 0) came(ise::bytes_view(buffer_).first(got.bytes));
         if (!closing_.empty()) co_return closing_;
         if (got.problem == asio::error::operation_aborted) co_return std::string(); // we were cancelled
+        if (auto verdict = stream_->verdict()) co_return verdict->message();        // of the certificates
         if (got.problem == asio::error::eof) co_return "the shore closed the connection";
         if (got.problem) co_return fmt::format("the connection to the shore broke: {}", got.problem.message());
     }

@@ -6,6 +6,7 @@
 #include <ise/core/log.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/core/task.hpp>
+#include <ise/transport/security.hpp>
 
 #include <array>
 #include <functional>
@@ -14,8 +15,9 @@
 namespace atirma::gprs {
 
 struct port_options {
-    ise::endpoint shore; ///< of the proxy, or of a carrier before it: tcp or udp
-    uplink_options link; ///< `datagrams` follows from the endpoint, `token` is drawn
+    ise::endpoint shore;    ///< of the proxy, or of a carrier before it: tcp, tls or udp
+    ise::security security; ///< with `tls` for a tls endpoint
+    uplink_options link;    ///< `datagrams` follows from the endpoint, `token` is drawn
     ise::duration connect_time = std::chrono::seconds(20);
     ise::duration min_retry = std::chrono::seconds(1); ///< between attempts; doubles as long as nothing is acknowledged
     ise::duration max_retry = std::chrono::seconds(30);
@@ -25,7 +27,8 @@ struct port_options {
 /// dials again when that ended or is half open. Packets may be put at any time. Used on one loop; must outlive `run()`.
 class uplink_port {
 public:
-    /// Throws ise::error (invalid_argument) for an endpoint that is neither tcp nor udp, and as `uplink`.
+    /// Throws ise::error (invalid_argument) for an endpoint that is neither tcp, tls nor udp, for tls without
+    /// certificates, and as `uplink`.
     uplink_port(ise::loop& on, ise::logger log, port_options options, std::uint16_t boot);
 
     /// Hears every telecommand, on the loop. Set it before `run()`.

@@ -10,6 +10,7 @@
 #include <components/seal_store/seal_store.hpp>
 
 #include <ise/core/log_limiter.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <asio/error.hpp>
 #include <fmt/format.h>
@@ -29,8 +30,10 @@ struct gprs_proxy::link {
     }
     link(gprs_proxy& self, const gprs_proxy_options& options)
         : shore(with_secret(self, options.shore)),
-          sockets(self.on(), self.log(),
-                  [&self](std::string name, ise::task<> body) { self.spawn(std::move(name), std::move(body)); }),
+          sockets(
+              self.on(), self.log(),
+              [&self](std::string name, ise::task<> body) { self.spawn(std::move(name), std::move(body)); },
+              self.services().peers().credentials()),
           commands(self, options.policy), due(self.on(),
                                               [this, &self] {
                                                   shore.on_time(self.now());
@@ -104,6 +107,11 @@ void gprs_proxy::open_doors() {
     l.sockets.on_disconnected = [this](std::uint64_t channel, const std::string& reason) {
         link_->shore.disconnected(now(), channel, reason);
         act();
+    };
+    l.sockets.on_unverified = [this](const std::string& peer, const std::string& reason) {
+        if (auto left_out = link_->strangers.admit(now()))
+            log().warning("a login over tls is refused",
+                          {{"from", peer}, {"cause", reason}, {"not_told_before", std::to_string(*left_out)}});
     };
     l.sockets.on_datagram = [this](const gprs::way& by, ise::bytes_view content) {
         link_->shore.on_datagram(now(), by, content);
@@ -182,6 +190,11 @@ std::optional<ise::bytes> gprs_proxy::opened(const ise::bytes& raw) {
     auto& l = *link_;
     if (!l.seal) return raw;
     auto got = l.seal->open(raw);
+    if (auto question = l.seal->take_question(); !question.empty()) {
+        gprs::order told;
+        told.raw = std::move(question);
+        l.shore.send(told); // if the boat has gone, its next notice is answered
+    }
     if (!got) {
         ++l.counts.malformed;
         if (auto left_out = l.strangers.admit(now()))
@@ -189,13 +202,8 @@ std::optional<ise::bytes> gprs_proxy::opened(const ise::bytes& raw) {
                           {{"cause", got.error().message()}, {"not_told_before", std::to_string(*left_out)}});
         return std::nullopt;
     }
-    if (!got->question.empty()) {
-        gprs::order told;
-        told.raw = std::move(got->question);
-        l.shore.send(told); // if the boat has gone, its next notice is answered
-    }
-    if (got->plain.empty()) return std::nullopt;
-    return std::move(got->plain);
+    if (got->empty()) return std::nullopt;
+    return std::move(*got);
 }
 
 void gprs_proxy::on_record(const gprs::record_came& came) {
@@ -324,6 +332,7 @@ void gprs_proxy::publish_state() {
     told.challenges = counted.challenges;
     told.strange_outcomes = counted.strange_outcomes;
     told.telecommands_open = l.commands.tracker().open_count();
+    told.seal = seal::shore_link::report(l.seal);
     l.states(told);
 }
 

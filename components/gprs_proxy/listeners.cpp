@@ -14,8 +14,9 @@ constexpr ise::duration receive_pause = 250ms;
 } // namespace
 
 ise::result<ise::endpoint> listeners::open(const ise::endpoint& at) {
-    if (at.kind == ise::protocol::tcp) {
-        auto made = loop_.env().listen(loop_, at);
+    if (at.kind == ise::protocol::tcp || at.kind == ise::protocol::tls) {
+        auto made =
+            at.kind == ise::protocol::tls ? at.kind->listen(loop_, at, security_) : loop_.env().listen(loop_, at);
         if (!made) return made.error();
         std::shared_ptr<ise::listener> listener = std::move(*made);
         auto where = listener->where();
@@ -34,8 +35,9 @@ ise::result<ise::endpoint> listeners::open(const ise::endpoint& at) {
         spawn_("boats at " + where.text(), receive(channel, std::move(socket)));
         return where;
     }
-    return ise::failure(ise::errc::invalid_argument,
-                        fmt::format("a boat calls over tcp or udp, not {}: such as tcp://0.0.0.0:7420", at.text()));
+    return ise::failure(
+        ise::errc::invalid_argument,
+        fmt::format("a boat calls over tcp, tls or udp, not {}: such as tcp://0.0.0.0:7420", at.text()));
 }
 
 void listeners::take(std::unique_ptr<ise::stream> boat) {
@@ -57,13 +59,20 @@ ise::task<> listeners::read(std::uint64_t channel, std::shared_ptr<line> from) {
         ~forget() { self->lines_.erase(channel); }
     } guard{this, channel};
     std::array<std::byte, 1024> buffer;
+    auto peer = from->stream->peer();
+    bool verified = !peer.starts_with("tls://"); // by the first byte it is
     for (;;) {
         if (from->cut) co_return;
         auto got = co_await from->stream->read_some(asio::buffer(buffer));
         if (from->cut) co_return;
+        verified = verified || got.bytes > 0;
         if (got.bytes > 0) on_bytes(channel, ise::bytes_view(buffer).first(got.bytes));
         if (!got.problem) continue;
         if (got.problem == asio::error::operation_aborted) co_return;
+        if (!verified && got.problem != asio::error::eof && on_unverified) {
+            auto verdict = from->stream->verdict();
+            on_unverified(peer, verdict ? verdict->message() : got.problem.message());
+        }
         if (!from->cut)
             on_disconnected(channel, got.problem == asio::error::eof
                                          ? "the boat closed the connection"

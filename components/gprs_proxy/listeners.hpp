@@ -6,6 +6,7 @@
 #include <ise/core/log.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/core/task.hpp>
+#include <ise/transport/security.hpp>
 
 #include <array>
 #include <functional>
@@ -24,12 +25,16 @@ public:
     static constexpr std::size_t largest_datagram = 2048; ///< a longer one makes no sense
 
     /// `spawn` starts a coroutine that the component owns.
-    listeners(ise::loop& on, ise::logger log, std::function<void(std::string, ise::task<>)> spawn)
-        : loop_(on), log_(std::move(log)), spawn_(std::move(spawn)) {}
+    /// `security`: with `tls` for tls endpoints.
+    listeners(ise::loop& on, ise::logger log, std::function<void(std::string, ise::task<>)> spawn,
+              ise::security security = ise::security())
+        : loop_(on), log_(std::move(log)), spawn_(std::move(spawn)), security_(std::move(security)) {}
 
     std::function<void(const gprs::way&)> on_connected;
     std::function<void(std::uint64_t channel, ise::bytes_view)> on_bytes;
     std::function<void(std::uint64_t channel, const std::string& reason)> on_disconnected; ///< not after `cut`
+    /// Over tls: a peer whose certificate was refused, or which does not speak it. `on_disconnected` follows.
+    std::function<void(const std::string& peer, const std::string& reason)> on_unverified;
     std::function<void(const gprs::way&, ise::bytes_view)> on_datagram;
 
     /// Listens there, for connections (tcp) or datagrams (udp), as long as the component runs. Gives the endpoint with
@@ -56,6 +61,7 @@ private:
     ise::loop& loop_;
     ise::logger log_;
     std::function<void(std::string, ise::task<>)> spawn_;
+    ise::security security_;
     std::map<std::uint64_t, std::shared_ptr<line>> lines_;
     std::map<std::uint64_t, std::shared_ptr<ise::datagram_socket>> sockets_;
     ise::timer again_{loop_, [this] { write_again(); }};

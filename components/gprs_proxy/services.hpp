@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/link_seal.hpp>
 #include <components/boat/services.hpp>
 
 // What the GPRS proxy provides besides telemetry, telecommand and telecommand_state.
@@ -35,6 +36,7 @@ struct gprs_state {
     std::uint64_t telecommands_sent = 0;  ///< attempts
     std::uint64_t telecommands_acknowledged = 0;
     std::uint64_t telecommands_open = 0;
+    link_seal seal;
 };
 
 namespace services {

@@ -55,6 +55,7 @@ const command_entry& command_log::on_status(const std::string& path, const telec
         known = &add(std::move(entry));
     }
     if (!status.asked_by.empty()) known->asked_by = status.asked_by;
+    if (!status.asked_as.empty()) known->asked_as = status.asked_as;
     if (status.valid_until) known->valid_until = status.valid_until;
     if (status.executed_at) known->executed_at = status.executed_at;
     if (status.command && !known->own) known->what = describe(*status.command);

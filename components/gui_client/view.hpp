@@ -74,6 +74,10 @@ struct link_view {
     std::optional<gprs_state> gprs;         ///< of a GPRS proxy: how the boat is connected
     std::optional<iridium_account> account; ///< of an Iridium proxy: its costs
     std::optional<utc_time> told_at;        ///< of `gprs` or `account`
+    /// How it is sealed, by its proxy's report; null: it has not told.
+    const link_seal* seal() const noexcept {
+        return xbee ? &xbee->seal : gprs ? &gprs->seal : account ? &account->seal : nullptr;
+    }
 };
 
 /// A communication node, by its own report.
@@ -125,6 +129,7 @@ struct command_entry {
     std::string what;     ///< in words; for another console's only the kind
     bool own = false;     ///< given here
     std::string asked_by; ///< the operator's path, if a communication node reports it
+    std::string asked_as; ///< the operator's verified identity, by the communication node; empty: not verified
     command_phase phase = command_phase::asking;
     std::optional<float> value;
     std::string text;    ///< the newest report about it

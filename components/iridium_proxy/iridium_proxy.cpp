@@ -228,6 +228,7 @@ iridium_account iridium_proxy::account() {
     auto store_trouble = s.keeper ? s.keeper->trouble() : std::string();
     for (const auto* trouble : {&s.disk_trouble, &s.send_trouble, &s.mail_trouble, &store_trouble})
         if (!trouble->empty()) told.trouble += (told.trouble.empty() ? "" : "; ") + *trouble;
+    told.seal = seal::shore_link::report(s.seal);
     return told;
 }
 

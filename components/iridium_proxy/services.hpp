@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/link_seal.hpp>
 #include <components/boat/link_stage.hpp>
 #include <components/boat/services.hpp>
 
@@ -50,6 +51,7 @@ struct iridium_account {
     std::uint64_t malformed = 0;              ///< packets that are none; kept on disk all the same
     std::uint64_t refused = 0;                ///< posts and connections: wrong token, IMEI, content
     std::uint64_t waiting_for_subscriber = 0; ///< messages on disk that nobody was there to take
+    link_seal seal;
 };
 
 namespace services {

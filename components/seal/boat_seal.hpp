@@ -44,6 +44,9 @@ public:
     ise::bytes notice() const;
     /// Whether a session has begun, or a sealed packet of this key epoch was refused or asked, since the last call.
     bool take_notice_due() noexcept { return std::exchange(notice_due_, false); }
+    bool notice_due() const noexcept { return notice_due_; }
+    /// A notice is due.
+    void ask() noexcept { notice_due_ = true; }
 
     const radio_key& key() const noexcept { return key_; }
     const boat_counters& counters() const noexcept { return counters_; }

@@ -8,7 +8,6 @@
 #include <openssl/hmac.h>
 
 #include <algorithm>
-#include <charconv>
 #include <memory>
 
 namespace atirma::seal {
@@ -88,13 +87,6 @@ std::byte first_byte(const radio_key& key, bool secondary) {
     return static_cast<std::byte>(sealed_bit | (secondary ? lane_bit : 0) | key.epoch);
 }
 
-int hex_digit(char c) {
-    if (c >= '0' && c <= '9') return c - '0';
-    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-    return -1;
-}
-
 } // namespace
 
 bool is_sealed(ise::bytes_view raw) noexcept {
@@ -151,49 +143,6 @@ ise::result<ise::bytes> open_from_boat(const radio_key& key, ise::bytes_view raw
     out.push_back(static_cast<std::byte>(checksum & 0xFF));
     out.push_back(static_cast<std::byte>(checksum >> 8));
     return out;
-}
-
-ise::result<radio_key> parse_key(std::string_view text, std::string_view origin) {
-    radio_key made;
-    bool epoch = false, secret = false;
-    auto bad = [&](std::string_view why) {
-        return ise::failure(ise::errc::malformed, fmt::format("{} is not a radio key: {}", origin, why));
-    };
-    while (!text.empty()) {
-        auto line = text.substr(0, text.find('\n'));
-        text.remove_prefix(std::min(text.size(), line.size() + 1));
-        if (line.ends_with('\r')) line.remove_suffix(1);
-        if (line.empty() || line.starts_with('#')) continue;
-        auto space = line.find(' ');
-        if (space == line.npos) return bad("a line is not 'boat NAME', 'epoch N' or 'key HEX'");
-        auto name = line.substr(0, space), value = line.substr(space + 1);
-        if (name == "boat" && made.boat.empty() && !value.empty() && value.size() <= 64) {
-            made.boat = value;
-        } else if (name == "epoch" && !epoch) {
-            auto [end, failed] = std::from_chars(value.data(), value.data() + value.size(), made.epoch);
-            if (failed != std::errc() || end != value.data() + value.size() || made.epoch > max_epoch)
-                return bad("the epoch is 0 to 63");
-            epoch = true;
-        } else if (name == "key" && !secret) {
-            if (value.size() != 2 * key_size) return bad("the key has 64 hexadecimal digits");
-            for (std::size_t i = 0; i < key_size; ++i) {
-                int high = hex_digit(value[2 * i]), low = hex_digit(value[2 * i + 1]);
-                if (high < 0 || low < 0) return bad("the key has 64 hexadecimal digits");
-                made.secret[i] = static_cast<std::byte>(high * 16 + low);
-            }
-            secret = true;
-        } else {
-            return bad(fmt::format("'{}' is unknown, repeated, empty or too long", name)); // never the value
-        }
-    }
-    if (made.boat.empty() || !epoch || !secret) return bad("it needs the lines 'boat NAME', 'epoch N' and 'key HEX'");
-    return made;
-}
-
-std::string format_key(const radio_key& key) {
-    auto text = fmt::format("boat {}\nepoch {}\nkey ", key.boat, key.epoch);
-    for (auto one : key.secret) text += fmt::format("{:02x}", std::to_integer<unsigned>(one));
-    return text + "\n";
 }
 
 std::string fingerprint(const radio_key& key) {

@@ -17,8 +17,8 @@ inline constexpr std::uint8_t max_epoch = 63; ///< of a key
 /// Of a node: each has counters of its own.
 enum class lane : std::uint8_t { primary = 0, secondary = 1 };
 
-/// The types that exist only sealed: a question for the boat's notice, and the notice.
-enum : std::uint8_t { ask_type = 0x46, notice_type = 0x48 };
+/// The types that exist only sealed: a question for the boat's notice, the next key, and the notice.
+enum : std::uint8_t { ask_type = 0x46, rekey_type = 0x47, notice_type = 0x48 };
 
 /// What a packet to the boat is bound to: the random number that the boat drew when it last began to count. A packet
 /// that was sealed for another one fails, also if all counters are lost.
@@ -34,11 +34,6 @@ struct radio_key {
     std::string link;
 };
 
-/// Reads a key file: `boat NAME`, `epoch N`, `key HEX`, a line each; `#` begins a comment. `origin` is named in errors.
-/// Errors: malformed.
-ise::result<radio_key> parse_key(std::string_view text, std::string_view origin);
-/// The text of a key file.
-std::string format_key(const radio_key& key);
 /// Eight hexadecimal digits by which people compare keys; they do not reveal it.
 std::string fingerprint(const radio_key& key);
 

@@ -23,13 +23,18 @@ ise::result<std::uint64_t> shore_seal::next() {
 ise::result<ise::bytes> shore_seal::seal(ise::bytes_view plain) {
     if (plain.size() < layout::header_size + layout::checksum_size)
         return ise::failure(ise::errc::malformed, "the packet to seal is too short");
+    return seal_frame(std::to_integer<std::uint8_t>(plain[1]),
+                      ise::bytes(plain.begin() + 2, plain.end() - static_cast<std::ptrdiff_t>(layout::checksum_size)));
+}
+
+ise::result<ise::bytes> shore_seal::seal_frame(std::uint8_t type, ise::bytes content) {
     auto counter = next();
     if (!counter) return counter.error();
     to_boat_frame frame;
-    frame.type = std::to_integer<std::uint8_t>(plain[1]);
+    frame.type = type;
     frame.lane = lane_;
     frame.counter = *counter;
-    frame.content.assign(plain.begin() + 2, plain.end() - static_cast<std::ptrdiff_t>(layout::checksum_size));
+    frame.content = std::move(content);
     return seal_to_boat(key_, kept_.of, frame);
 }
 
@@ -49,13 +54,8 @@ ise::result<shore_seal::opened> shore_seal::open(ise::bytes_view raw) {
     }
     made.plain = std::move(*plain);
     if (kept_.of != no_session || std::exchange(asked_, true)) return made;
-    if (auto counter = next()) { // else the boat's packet counts all the same; a telecommand will ask
-        to_boat_frame frame;
-        frame.type = ask_type;
-        frame.lane = lane_;
-        frame.counter = *counter;
-        made.question = seal_to_boat(key_, no_session, frame);
-    }
+    // If it fails the boat's packet counts all the same; a telecommand will ask.
+    if (auto question = ask()) made.question = std::move(*question);
     return made;
 }
 

@@ -1,4 +1,5 @@
 #pragma once
+#include <components/seal/rekey.hpp>
 #include <components/seal/sealed_frame.hpp>
 
 #include <functional>
@@ -29,6 +30,11 @@ public:
     /// key are used up.
     ise::result<ise::bytes> seal(ise::bytes_view plain);
 
+    /// A question for the boat's notice. Errors as of `seal`.
+    ise::result<ise::bytes> ask() { return seal_frame(ask_type, {}); }
+    /// Tells the boat of its next key. Errors as of `seal`.
+    ise::result<ise::bytes> rekey(const radio_key& next) { return seal_frame(rekey_type, rekey_content(next)); }
+
     struct opened {
         ise::bytes plain;    ///< empty: it was a notice, about the seal only
         ise::bytes question; ///< to be sent at once: the shore does not know the boat's session; empty: nothing
@@ -41,6 +47,7 @@ public:
     const radio_key& key() const noexcept { return key_; }
 
 private:
+    ise::result<ise::bytes> seal_frame(std::uint8_t type, ise::bytes content);
     ise::result<std::uint64_t> next();
     ise::result<void> learn(ise::bytes_view notice);
 

@@ -1,7 +1,8 @@
 #pragma once
 #include <components/boat/enums.hpp>
-#include <components/seal/boat_seal.hpp>
-#include <components/seal/shore_seal.hpp>
+#include <components/boat/link_seal.hpp>
+#include <components/seal/boat_ring.hpp>
+#include <components/seal/shore_ring.hpp>
 #include <components/storage/database.hpp>
 
 #include <ise/component/component.hpp>
@@ -15,7 +16,14 @@
 
 namespace atirma::seal {
 
-/// The boat's ends of all its links. Their counters are in `KEYFILE.boat.db`, on disk before a packet is handed out.
+/// What to do where there is no key.
+inline constexpr const char* make_a_key =
+    "atirma keys new radio.key makes a key: copy it to the boat and to the shore, "
+    "and give it to the boat and to its proxies with radio-key";
+
+/// The boat's ends of all its links. Their counters are in `KEYFILE.boat.db`, on disk before a packet is handed out;
+/// keys that it has changed to since in `KEYFILE.keys.db`. `KEYFILE.recovery` is the recovery key; without it there is
+/// none.
 /// Used on one loop; each packet that is accepted blocks for one write to the disk.
 class boat_links {
 public:
@@ -25,24 +33,25 @@ public:
     static ise::result<std::unique_ptr<boat_links>> open(ise::environment& env, const std::string& key_file,
                                                          when_damaged how = when_damaged());
 
-    /// See boat_seal.
-    ise::result<ise::bytes> open(link_id link, ise::bytes_view raw) { return of(link).open(raw); }
+    /// See boat_ring.
+    ise::result<ise::bytes> open(link_id link, ise::bytes_view raw) {
+        return ring_->open(static_cast<std::size_t>(link), raw);
+    }
     ise::bytes seal(link_id link, ise::bytes_view plain) const {
-        return seals_[static_cast<std::size_t>(link)]->seal(plain);
+        return ring_->seal(static_cast<std::size_t>(link), plain);
     }
     /// A notice to be sent over that link now, sealed: after the start where a memory was lost, and where a sealed
     /// packet was refused; once in `every` at most, for anybody can send such a packet. Else empty.
     ise::bytes take_notice(link_id link, ise::time_point now, ise::duration every);
 
-    const radio_key& key() const { return seals_[0]->key(); }
+    /// Of no link.
+    const boat_keys& keys() const { return ring_->keys(); }
 
 private:
-    explicit boat_links(database disk) : disk_(std::move(disk)) {}
-    boat_seal& of(link_id link) { return *seals_[static_cast<std::size_t>(link)]; }
+    boat_links(database disk, database key_disk) : disk_(std::move(disk)), key_disk_(std::move(key_disk)) {}
 
-    database disk_;
-    std::array<std::optional<boat_seal>, link_count> seals_;
-    std::array<bool, link_count> due_{};
+    database disk_, key_disk_;
+    std::optional<boat_ring> ring_;
     std::array<std::optional<ise::time_point>, link_count> told_at_{};
 };
 
@@ -59,17 +68,25 @@ public:
     static std::unique_ptr<shore_link> open_for(ise::component& proxy, const std::string& key_file, link_id link,
                                                 bool secondary);
 
-    /// See shore_seal.
-    ise::result<ise::bytes> seal(ise::bytes_view plain) { return end_->seal(plain); }
-    ise::result<shore_seal::opened> open(ise::bytes_view raw) { return end_->open(raw); }
-    ise::result<ise::bytes> read(ise::bytes_view raw) const { return end_->read(raw); }
-    const radio_key& key() const { return end_->key(); }
+    /// See shore_ring.
+    ise::result<ise::bytes> seal(ise::bytes_view plain) { return ring_->seal(plain); }
+    ise::result<ise::bytes> open(ise::bytes_view raw);
+    ise::result<ise::bytes> read(ise::bytes_view raw) const { return ring_->read(raw); }
+    ise::bytes take_question() { return ring_->take_question(); }
+    ise::bytes rekey() { return ring_->rekey(); }
+    const radio_key& key() const { return ring_->key(); }
+    /// What a proxy tells of its link; `of` may be null: it is not sealed.
+    static link_seal report(const std::unique_ptr<shore_link>& of);
 
 private:
-    explicit shore_link(database disk) : disk_(std::move(disk)) {}
+    shore_link(ise::environment& env, database disk) : env_(env), disk_(std::move(disk)) {}
+
+    ise::environment& env_;
 
     database disk_;
-    std::optional<shore_seal> end_;
+    std::optional<shore_ring> ring_;
+    std::optional<utc_time> verified_at_;
+    std::uint64_t refused_ = 0;
 };
 
 } // namespace atirma::seal

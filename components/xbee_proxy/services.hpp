@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/link_seal.hpp>
 #include <components/boat/services.hpp>
 
 // What the XBee proxy provides besides telemetry, telecommand and telecommand_state.
@@ -33,6 +34,7 @@ struct xbee_local {
     std::uint64_t frames = 0; ///< of the serial line
     std::uint64_t frames_refused = 0;
     std::uint64_t bytes_skipped = 0;
+    link_seal seal;
 };
 
 /// Reads a parameter of the local modem, or sets it: `{"name":"power_level","value":2}`. Names are those of

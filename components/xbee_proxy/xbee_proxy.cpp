@@ -168,6 +168,11 @@ std::optional<ise::bytes> xbee_proxy::opened(const xbee::packet_received& packet
     auto& r = *radio_;
     if (!r.seal) return packet.payload;
     auto got = r.seal->open(packet.payload);
+    if (auto question = r.seal->take_question(); !question.empty()) {
+        auto sent = r.port.send(packet.source, std::move(question), options_.send_time);
+        if (!sent)
+            log().warning("a packet about the seal is not sent to the boat", {{"cause", sent.error().message()}});
+    }
     if (!got) {
         ++r.counts.malformed;
         if (auto left_out = r.quiet.admit(now()))
@@ -176,13 +181,8 @@ std::optional<ise::bytes> xbee_proxy::opened(const xbee::packet_received& packet
         return std::nullopt;
     }
     r.heard_from = packet.source;
-    if (!got->question.empty()) {
-        auto sent = r.port.send(packet.source, std::move(got->question), options_.send_time);
-        if (!sent)
-            log().warning("the boat is not asked for the session of its counters", {{"cause", sent.error().message()}});
-    }
-    if (got->plain.empty()) return std::nullopt;
-    return std::move(got->plain);
+    if (got->empty()) return std::nullopt;
+    return std::move(*got);
 }
 
 void xbee_proxy::on_packet(const xbee::packet_received& packet) {
@@ -300,6 +300,7 @@ void xbee_proxy::publish_local() {
     told.frames = line.frames;
     told.frames_refused = line.refused_frames;
     told.bytes_skipped = line.skipped_bytes;
+    told.seal = seal::shore_link::report(r.seal);
     r.modem.fill(told);
     r.local(told);
 }

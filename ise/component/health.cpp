@@ -38,6 +38,7 @@ health_report health_of(service_host& services) {
     made.packets_dropped = counts.packets_dropped;
     made.calls_expired = counts.calls_expired;
     made.calls_overloaded = counts.calls_overloaded;
+    made.cautions = services.cautions();
     for (const auto& one : services.services().describe()) {
         if (!one.provided) continue;
         service_load load;

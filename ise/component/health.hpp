@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/time.hpp>
+#include <ise/service/caution.hpp>
 #include <ise/session/contract.hpp>
 
 #include <cstdint>
@@ -59,6 +60,7 @@ struct health_report {
     std::vector<session_load> sessions; ///< now
     std::uint64_t calls_expired = 0;    ///< of those refused: their deadline came before a handler was free
     std::uint64_t calls_overloaded = 0; ///< of those refused: beyond a limit
+    std::vector<caution> cautions;      ///< about how it was set up
 };
 
 /// Every component provides it.

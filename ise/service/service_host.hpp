@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/call/reply_cache.hpp>
+#include <ise/service/caution.hpp>
 #include <ise/service/dispatcher.hpp>
 #include <ise/service/peer_channel.hpp>
 #include <ise/service/peer_sessions.hpp>
@@ -7,6 +8,7 @@
 #include <ise/service/use_book.hpp>
 #include <ise/session/service_runtime.hpp>
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -58,6 +60,13 @@ public:
     void pause(const failure& why, duration grace);
     void go_on() noexcept { acceptor_.go_on(); }
 
+    /// What people should know of how this component was set up: `ise doctor` shows it. On the component's loop.
+    void warn_of(caution what) {
+        if (std::ranges::count(cautions_, what) == 0 && cautions_.size() < max_cautions)
+            cautions_.push_back(std::move(what));
+    }
+    const std::vector<caution>& cautions() const noexcept { return cautions_; }
+
     /// From now on an edit of the access policy, and a certificate that is revoked, count for sessions that exist, too;
     /// where there is a policy or a certificate.
     void follow_access();
@@ -68,6 +77,9 @@ private:
     void watch_access();
     void follow_policy();
 
+    static constexpr std::size_t max_cautions = 32;
+
+    std::vector<caution> cautions_;
     use_book uses_;
     channel_context links_share_; // before the calls, which keep links
     pending_calls calls_;

@@ -1,5 +1,6 @@
 // The two ends of a sealed channel, each of which gets flights, sealed datagrams and signs that are changed as the
 // input says: whatever comes, nothing counts that the other end has not made, and true datagrams are taken as before.
+#include <fuzz/input.hpp>
 #include <ise/core/buffer.hpp>
 #include <ise/transport/shared_key.hpp>
 #include <ise/transport/udp/seal.hpp>
@@ -25,24 +26,8 @@ void must(bool holds, const char* what) {
     std::abort();
 }
 
-/// Takes the input a few bytes at a time; zeros at its end.
-struct tape {
-    ise::bytes_view left;
-    std::uint8_t next() {
-        if (left.empty()) return 0;
-        auto value = static_cast<std::uint8_t>(left[0]);
-        left = left.subspan(1);
-        return value;
-    }
-    ise::bytes_view raw(std::size_t count) {
-        auto taken = left.first(std::min(count, left.size()));
-        left = left.subspan(taken.size());
-        return taken;
-    }
-};
-
 // Another text of the same kind.
-ise::bytes changed(tape& by, ise::bytes from, std::size_t begin) {
+ise::bytes changed(fuzz_input& by, ise::bytes from, std::size_t begin) {
     switch (by.next() % 4) {
         case 0: {
             auto content = by.raw(by.next());
@@ -85,7 +70,7 @@ bool opens(seal& by, ise::bytes datagram) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     if (size < 2 || size > 4096) return 0;
-    tape input{ise::bytes_view(reinterpret_cast<const std::byte*>(data), size)};
+    fuzz_input input{ise::bytes_view(reinterpret_cast<const std::byte*>(data), size)};
     static const auto key = ise::shared_key::make(std::string(64, 'k'), "a test").value();
     key_life life;
     life.datagrams = 4;

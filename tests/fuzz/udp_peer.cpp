@@ -1,6 +1,7 @@
 // A client and a provider over datagrams, each of whose datagrams is changed as the input says once they know each
 // other: the one is a hostile peer for the other. No call stays without an end, and both serve and reach others as
 // before.
+#include <fuzz/input.hpp>
 #include <ise/wire/datagram.hpp>
 #include <support/boat_services.hpp>
 #include <support/datagram_router.hpp>
@@ -28,30 +29,9 @@ void must(bool holds, const char* what) {
     std::abort();
 }
 
-/// Takes the input a few bytes at a time; zeros at its end.
-struct script {
-    ise::bytes_view left;
-    std::uint8_t next() {
-        if (left.empty()) return 0;
-        auto value = static_cast<std::uint8_t>(left[0]);
-        left = left.subspan(1);
-        return value;
-    }
-    std::uint64_t number(int count) {
-        std::uint64_t value = 0;
-        for (int i = 0; i < count; ++i) value |= std::uint64_t{next()} << (8 * i);
-        return value;
-    }
-    ise::bytes_view raw(std::size_t count) {
-        auto taken = left.first(std::min(count, left.size()));
-        left = left.subspan(taken.size());
-        return taken;
-    }
-};
-
 constexpr std::size_t head = ise::wire::frame_header::size;
 
-void change(script& by, ise::buffer& datagram) {
+void change(fuzz_input& by, ise::buffer& datagram) {
     if (by.left.empty() || datagram.size() < head) return;
     auto type = static_cast<ise::wire::datagram_type>(ise::wire::read_header(datagram.data()).type);
     if (type != ise::wire::datagram_type::data || datagram.size() < head + 8) return;
@@ -87,7 +67,7 @@ void change(script& by, ise::buffer& datagram) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
     if (size < 2 || size > 10'000) return 0;
-    script input{ise::bytes_view(reinterpret_cast<const std::byte*>(data), size)};
+    fuzz_input input{ise::bytes_view(reinterpret_cast<const std::byte*>(data), size)};
     auto flags = input.next();
     sim_parties sea;
     ise::service_options options;

@@ -1,6 +1,7 @@
 #include "gprs_sea.hpp"
 
 #include <components/seal/boat_notice.hpp>
+#include <components/seal/key_file.hpp>
 #include <components/seal/shore_seal.hpp>
 
 #include <support/catch.hpp>
@@ -121,7 +122,7 @@ TEST_CASE("atirma: a boat with a key refuses injected and recorded packets, also
     use_key(it, key_text(), "");
     strange_modem modem(it);
     REQUIRE(it.until([&] { return modem.ready(); }));
-    auto key = seal::parse_key(key_text(), "key").value();
+    auto key = seal::parse_keys(key_text(), "key").value().now;
     key.link = name_of(link_id::xbee);
     seal::shore_seal shore(key, seal::lane::primary, {},
                            [](const seal::shore_counters&) { return ise::result<void>(); });

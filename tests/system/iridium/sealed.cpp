@@ -1,6 +1,6 @@
 #include "ocean.hpp"
 
-#include <components/seal/sealed_frame.hpp>
+#include <components/seal/key_file.hpp>
 
 #include <support/catch.hpp>
 

@@ -153,6 +153,18 @@ TEST_CASE("a subscription that ended and was not made again is a warning") {
     CHECK_THAT(seen.front().message, Contains("'position' of boat") && Contains("5 packets are lost"));
 }
 
+TEST_CASE("what a component warns of is a warning of the doctor, with the advice") {
+    auto one = well("boat");
+    one.health->cautions.push_back({"telecommands to it are not sealed", "make a key"});
+    auto seen = examine({}, {one}, 1s, "shore");
+    auto found = std::ranges::find_if(seen, [](const finding& each) { return each.kind == "caution"; });
+    REQUIRE(found != seen.end());
+    CHECK(found->severity == severity_level::warning);
+    CHECK(found->component == "boat");
+    CHECK(found->message == "telecommands to it are not sealed");
+    CHECK(found->advice == "make a key");
+}
+
 TEST_CASE("who waits for longer than what is logged is a warning, which says for what and since when") {
     auto one = well("a");
     ise::wait_text wait;

@@ -3,6 +3,7 @@
 #include <unit/gprs/packets.hpp>
 
 #include <ise/component/component.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <algorithm>
 #include <memory>
@@ -35,6 +36,7 @@ private:
     ise::task<> run() override {
         atirma::gprs::port_options options;
         options.shore = ise::endpoint::parse(log_.shore).value();
+        options.security = services().peers().credentials();
         options.link.id = log_.id;
         port_ = std::make_unique<atirma::gprs::uplink_port>(on(), log(), options, log_.boot);
         port_->on_order = [this](const atirma::gprs::order& told) { hear(told); };

@@ -50,6 +50,29 @@ TEST_CASE("console: what the boat answers is the last word, also after its time 
     CHECK(log.find(5)->text == "no");
 }
 
+TEST_CASE("console: the log has the verified identity of who asked, where the node has verified one") {
+    command_log log;
+    auto told = status(5, telecommand_stage::sent);
+    told.asked_as = "ise://atirma/operator/ana";
+    log.on_status(xbee_path, told, t0);
+    CHECK(log.find(5)->asked_as == "ise://atirma/operator/ana");
+    log.on_status(xbee_path, status(5, telecommand_stage::acknowledged, ack_code::done), t0 + 1s); // of the proxy
+    CHECK(log.find(5)->asked_as == "ise://atirma/operator/ana");
+    log.on_status(xbee_path, status(6, telecommand_stage::sent), t0);
+    CHECK(log.find(6)->asked_as.empty());
+}
+
+TEST_CASE("console: a link tells how it is sealed once its proxy has told") {
+    link_view link;
+    CHECK(link.seal() == nullptr);
+    link.account.emplace();
+    REQUIRE(link.seal());
+    CHECK_FALSE(link.seal()->sealed);
+    link.xbee.emplace();
+    link.xbee->seal.sealed = true;
+    CHECK(link.seal()->sealed);
+}
+
 TEST_CASE("console: the log is bounded and keeps what is still open") {
     command_log log(10);
     log.on_status(xbee_path, status(1, telecommand_stage::sent), t0);

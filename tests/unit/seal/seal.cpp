@@ -1,5 +1,6 @@
 #include <components/boat/telecommand.hpp>
 #include <components/seal/boat_seal.hpp>
+#include <components/seal/key_file.hpp>
 #include <components/seal/shore_seal.hpp>
 
 #include <support/catch.hpp>
@@ -390,19 +391,19 @@ TEST_CASE("with half of the frames lost, reboots and replays no command is execu
 
 TEST_CASE("a key file is read as it was written, and errors do not quote the key") {
     auto key = a_key("atirma", 5);
-    auto read = parse_key(format_key(key), "radio.key");
+    auto read = parse_keys(format_key(key), "radio.key");
     REQUIRE(read);
-    CHECK(read->boat == "atirma");
-    CHECK(read->epoch == 5);
-    CHECK(read->secret == key.secret);
-    CHECK(fingerprint(*read) == fingerprint(key));
+    CHECK(read->now.boat == "atirma");
+    CHECK(read->now.epoch == 5);
+    CHECK(read->now.secret == key.secret);
+    CHECK(fingerprint(read->now) == fingerprint(key));
     CHECK(fingerprint(key) != fingerprint(a_key("atirma", 5, 1)));
     auto secret = std::string(64, 'a');
     for (const std::string& bad : std::initializer_list<std::string>{
              "", "boat x\nepoch 0\n", "boat x\nepoch 64\nkey " + secret, "epoch 0\nkey " + secret,
              "boat x\nepoch 0\nkey " + secret + "a", "boat x\nepoch 0\nkey " + secret + "\nkey " + secret,
              "boat x\nepoch -1\nkey " + secret, "boat x\nepoch 0\nkey" + secret}) {
-        auto refused = parse_key(bad, "radio.key");
+        auto refused = parse_keys(bad, "radio.key");
         REQUIRE_FALSE(refused);
         CHECK(refused.error().message().find(secret) == std::string::npos);
     }
