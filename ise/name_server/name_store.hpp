@@ -53,23 +53,23 @@ class name_store {
 public:
     virtual ~name_store() = default;
 
-    /// All keys, as the majority of the store has them now. Cancellation: terminal.
+    /// All keys, as the majority of the store has them now; errors as above. Cancellation: terminal.
     virtual task<result<store_snapshot>> read() = 0;
-    /// Each step by itself, together in one revision, at most `max_steps`, no key twice. Cancellation: terminal; the
+    /// Each step by itself, together in one revision, at most `max_steps`, no key twice; errors as above. Cancellation: terminal; the
     /// steps may have been done.
     virtual task<result<std::vector<store_outcome>>> write(std::vector<store_step> steps) = 0;
-    /// Whether a majority of the store answers. Cancellation: terminal.
+    /// Whether a majority of the store answers; errors as above. Cancellation: terminal.
     virtual task<result<void>> probe() = 0;
 
-    /// A lease of a number that was never used. Cancellation: terminal; it may have been made.
+    /// A lease of a number that was never used; errors as above. Cancellation: terminal; it may have been made.
     virtual task<result<void>> grant(std::uint64_t lease, duration length) = 0;
     /// Renews a lease by its length. errc::no_such_name: it is over. Cancellation: terminal.
     virtual task<result<void>> keep(std::uint64_t lease) = 0;
-    /// Ends a lease and its keys. Cancellation: terminal.
+    /// Ends a lease and its keys; errors as above. Cancellation: terminal.
     virtual task<result<void>> revoke(std::uint64_t lease) = 0;
 
-    /// Reports changes after `revision` in their order, with the revision up to which they are complete, until the store
-    /// is lost. errc::superseded: it does not know them any more, `read` anew. Cancellation: terminal.
+    /// Reports changes after `revision` in their order, with the revision up to which they are complete, until the
+    /// store is lost. errc::superseded: it does not know them any more, `read` anew. Cancellation: terminal.
     virtual task<failure> follow(std::uint64_t revision,
                                  std::function<void(const std::vector<store_change>&, std::uint64_t)> on_changes) = 0;
 

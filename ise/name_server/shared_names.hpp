@@ -32,10 +32,11 @@ public:
     shared_names(loop& on, environment& env, task_scope& scope, const logger& to, name_store& store, registry& names,
                  std::uint64_t incarnation, std::function<void()> on_change);
 
-    /// Errors of the three: errc::refused, as `trouble()`. Cancellation: terminal; the store may have acted.
+    /// Errors: errc::refused, as `trouble()`. Cancellation: terminal; the store may have acted.
     task<naming::register_response> enroll(naming::register_request request);
+    /// Errors: errc::refused, as `trouble()`. Cancellation: terminal; the store may have acted.
     task<naming::renew_response> renew(naming::renew_request request);
-    /// Cancellation: terminal; the store may have acted.
+    /// Errors: errc::refused, as `trouble()`. Cancellation: terminal; the store may have acted.
     task<naming::withdraw_response> withdraw(naming::withdraw_request request);
     /// Errors: errc::refused for a mark that is too short. Cancellation: terminal.
     task<naming::ended_response> end(naming::ended_request request);

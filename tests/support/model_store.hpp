@@ -122,7 +122,7 @@ public:
             }
             outcomes.push_back(outcome);
         }
-        auto back = co_await answer();
+        auto back = co_await hear();
         if (!back) co_return back.error();
         co_return outcomes;
     }
@@ -135,7 +135,7 @@ public:
         auto way = co_await reach();
         if (!way) co_return way.error();
         of_.leases[lease] = {length, of_.clock() + length};
-        auto back = co_await answer();
+        auto back = co_await hear();
         co_return back;
     }
     ise::task<ise::result<void>> keep(std::uint64_t lease) override {
@@ -170,18 +170,22 @@ public:
     }
 
 private:
+    ise::duration one_way() const {
+        auto late = of_.latency.find(who_);
+        return late == of_.latency.end() ? ise::duration(std::chrono::milliseconds(1)) : late->second;
+    }
     bool away() const { return !of_.majority || of_.cut_off.contains(who_); }
     ise::task<ise::result<void>> reach() {
-        auto late = of_.latency.find(who_);
-        co_await ise::sleep_for(on_, late == of_.latency.end() ? std::chrono::milliseconds(1) : late->second);
+        auto way = one_way();
+        co_await ise::sleep_for(on_, way);
         of_.advance();
         if (!away()) co_return ise::result<void>();
         co_await ise::sleep_for(on_, std::chrono::seconds(1));
         co_return ise::failure(ise::errc::timed_out, "no leader");
     }
-    ise::task<ise::result<void>> answer() {
-        auto late = of_.latency.find(who_);
-        co_await ise::sleep_for(on_, late == of_.latency.end() ? std::chrono::milliseconds(1) : late->second);
+    ise::task<ise::result<void>> hear() {
+        auto way = one_way();
+        co_await ise::sleep_for(on_, way);
         if (!of_.answers_lost.contains(who_)) co_return ise::result<void>();
         co_return ise::failure(ise::errc::timed_out, "the answer was lost");
     }
