@@ -1,37 +1,37 @@
-#include <components/http/line_with_deadline.hpp>
+#include <ise/http/line_with_deadline.hpp>
 
 #include <asio/buffer.hpp>
 #include <asio/error.hpp>
 
 #include <array>
 
-namespace atirma {
+namespace ise {
 
-line_with_deadline::line_with_deadline(ise::loop& on, std::unique_ptr<ise::stream> line)
+line_with_deadline::line_with_deadline(loop& on, std::unique_ptr<stream> line)
     : line_(std::move(line)), alarm_(on, [this] {
           if (last_words_) last_words_();
           late_ = true;
           line_->close();
       }) {}
 
-void line_with_deadline::until(ise::time_point deadline) {
-    if (deadline == ise::time_point::max()) alarm_.disarm();
+void line_with_deadline::until(time_point deadline) {
+    if (deadline == time_point::max()) alarm_.disarm();
     else alarm_.arm(deadline);
 }
 
-ise::task<ise::transfer> line_with_deadline::read_some(asio::mutable_buffer into) {
-    ise::transfer got;
+task<transfer> line_with_deadline::read_some(asio::mutable_buffer into) {
+    transfer got;
     if (!late_) got = co_await line_->read_some(into);
     if (late_) got.problem = asio::error::timed_out;
     co_return got;
 }
 
-ise::task<std::error_code> line_with_deadline::write_all(std::string_view content) {
+task<std::error_code> line_with_deadline::write_all(std::string_view content) {
     std::vector<std::string_view> one(1, content);
     return write_all(std::move(one));
 }
 
-ise::task<std::error_code> line_with_deadline::write_all(std::vector<std::string_view> pieces) {
+task<std::error_code> line_with_deadline::write_all(std::vector<std::string_view> pieces) {
     std::vector<asio::const_buffer> left;
     for (auto piece : pieces) left.emplace_back(piece.data(), piece.size());
     for (std::span<asio::const_buffer> rest = left; !rest.empty();) {
@@ -54,7 +54,7 @@ ise::task<std::error_code> line_with_deadline::write_all(std::vector<std::string
     co_return std::error_code();
 }
 
-ise::task<> line_with_deadline::drop_rest(std::size_t most) {
+task<> line_with_deadline::drop_rest(std::size_t most) {
     std::array<std::byte, 4096> room;
     for (std::size_t dropped = 0; dropped < most;) {
         auto got = co_await read_some(asio::buffer(room));
@@ -63,4 +63,4 @@ ise::task<> line_with_deadline::drop_rest(std::size_t most) {
     }
 }
 
-} // namespace atirma
+} // namespace ise

@@ -1,8 +1,8 @@
 #pragma once
-#include <components/http/http_requests.hpp>
-#include <components/http/http_stream.hpp>
-#include <components/http/sse_channel.hpp>
-#include <components/http/web_socket.hpp>
+#include <ise/http/http_requests.hpp>
+#include <ise/http/http_stream.hpp>
+#include <ise/http/sse_channel.hpp>
+#include <ise/http/web_socket.hpp>
 
 #include <ise/core/endpoint.hpp>
 #include <ise/core/log.hpp>
@@ -19,11 +19,11 @@
 #include <utility>
 #include <vector>
 
-namespace atirma {
+namespace ise {
 
 /// What peers can cost a server at most.
 struct http_limits {
-    /// Beyond it `ise::net::fair_places` decides; refused connections are answered 503. `listen` raises the process's
+    /// Beyond it `net::fair_places` decides; refused connections are answered 503. `listen` raises the process's
     /// limit of open files as far as it may, and accepts fewer connections where that is too low.
     std::size_t max_connections = 32;
     std::size_t max_requests = 1000; ///< of one connection
@@ -32,7 +32,7 @@ struct http_limits {
     http_stream_times sending; ///< `write` also bounds sending a whole response
     web_socket_limits web_sockets;
     web_socket_times web_socket;
-    sse_limits streams; ///< of each path; beyond `max_clients` `ise::net::fair_places` decides
+    sse_limits streams; ///< of each path; beyond `max_clients` `net::fair_places` decides
 };
 
 struct http_request {
@@ -80,17 +80,17 @@ struct http_response {
     std::string etag;    ///< quoted, strong for `body`; a client that has it is answered 304. Empty: not to be kept
     bool framed = false; ///< pages of other sites may show it in a frame
     /// Makes the body while it is sent, in place of `body`; the connection ends with it.
-    std::function<ise::task<>(std::shared_ptr<http_stream>)> stream;
+    std::function<task<>(std::shared_ptr<http_stream>)> stream;
     /// With status 101 (`accept_web_socket`): talks over the WebSocket that the connection becomes, until its `next()`
     /// returns nothing.
-    std::function<ise::task<>(std::shared_ptr<web_socket>)> upgrade;
+    std::function<task<>(std::shared_ptr<web_socket>)> upgrade;
 };
 
 /// The response to a request for a WebSocket, which becomes one with the first of `protocols` that the client offers
 /// (Sec-WebSocket-Protocol; empty: without one). Else, where the handshake is wrong or no protocol is offered, an error
 /// (400 or 426) with its reason.
 http_response accept_web_socket(const http_request& asked, const std::vector<std::string>& protocols,
-                                std::function<ise::task<>(std::shared_ptr<web_socket>)> talk);
+                                std::function<task<>(std::shared_ptr<web_socket>)> talk);
 
 struct http_statistics {
     std::uint64_t connections = 0;
@@ -112,14 +112,14 @@ class http_server {
 public:
     /// Makes the response. What it throws is logged and answered 500. Ends before what it refers to: with the spawner's
     /// owner.
-    using handler = std::function<ise::task<http_response>(http_request)>;
+    using handler = std::function<task<http_response>(http_request)>;
     using quick_handler = std::function<http_response(const http_request&)>;
     /// The text of an error that the server itself answers with.
     using error_page = std::function<http_response(int status, std::string_view what)>;
     /// Starts a coroutine that somebody else owns: a component's `spawn`.
-    using spawner = std::function<void(std::string name, ise::task<> body)>;
+    using spawner = std::function<void(std::string name, task<> body)>;
 
-    http_server(ise::loop& on, ise::logger log, http_limits limits, spawner spawn);
+    http_server(loop& on, logger log, http_limits limits, spawner spawn);
     ~http_server(); ///< stops
     http_server(const http_server&) = delete;
     http_server& operator=(const http_server&) = delete;
@@ -140,15 +140,15 @@ public:
     void allow_images(std::string origin);
     /// Default: one line of plain text.
     void on_error(error_page page);
-    /// An event stream at `path`; the reference is valid as long as the server. Throws ise::error: invalid_argument (a
+    /// An event stream at `path`; the reference is valid as long as the server. Throws error: invalid_argument (a
     /// second one at that path).
     sse_channel& events(std::string path, sse_channel::snapshot_source snapshot);
 
     /// Listens and accepts connections. Errors: address_in_use, invalid_argument, io_failed; then it may be called
     /// again.
-    ise::result<void> listen(const ise::endpoint& at);
+    result<void> listen(const endpoint& at);
     /// Where it listens, with the real port; empty where it does not.
-    ise::endpoint where() const;
+    endpoint where() const;
     /// "http://127.0.0.1:8080/"
     std::string url() const;
     /// Closes the listener, every stream and every connection. Streams refuse clients afterwards. Idempotent.
@@ -161,4 +161,4 @@ private:
     std::shared_ptr<implementation> self_;
 };
 
-} // namespace atirma
+} // namespace ise

@@ -1,4 +1,4 @@
-#include <components/http/web_socket_frames.hpp>
+#include <ise/http/web_socket_frames.hpp>
 
 #include <ise/packet/detail/text_forms.hpp>
 
@@ -9,7 +9,7 @@
 #include <bit>
 #include <utility>
 
-namespace atirma {
+namespace ise {
 namespace {
 
 using opcode = web_socket_opcode;
@@ -90,15 +90,14 @@ std::array<std::byte, 20> sha1(std::string text) {
 
 web_socket_reader::web_socket_reader(from whose, web_socket_limits limits) : whose_(whose), limits_(limits) {}
 
-ise::failure web_socket_reader::refuse(web_socket_code code, std::string why) {
+failure web_socket_reader::refuse(web_socket_code code, std::string why) {
     failed_ = true;
     refusal_ = code;
-    return ise::failure(code == web_socket_code::too_large ? ise::errc::too_large : ise::errc::malformed,
-                        std::move(why));
+    return failure(code == web_socket_code::too_large ? errc::too_large : errc::malformed, std::move(why));
 }
 
 /// The head of a frame is whole.
-ise::result<void> web_socket_reader::begin() {
+result<void> web_socket_reader::begin() {
     const auto first = static_cast<std::uint8_t>(head_[0]), second = static_cast<std::uint8_t>(head_[1]);
     const std::size_t length_bytes = (second & 0x7f) == 126 ? 2 : (second & 0x7f) == 127 ? 8 : 0;
     left_ = length_bytes == 0 ? second & 0x7f : big_endian(std::string_view(head_).substr(2, length_bytes));
@@ -132,7 +131,7 @@ ise::result<void> web_socket_reader::begin() {
 }
 
 /// The payload of a frame is whole.
-ise::result<void> web_socket_reader::end() {
+result<void> web_socket_reader::end() {
     in_payload_ = false;
     head_.clear();
     head_bytes_ = 2;
@@ -140,7 +139,7 @@ ise::result<void> web_socket_reader::end() {
         if (!last_) return {};
         made_.kind = std::exchange(message_, opcode::continuation);
         made_.payload = std::exchange(data_, {});
-        if (made_.kind == opcode::text && !ise::detail::is_utf8(made_.payload))
+        if (made_.kind == opcode::text && !detail::is_utf8(made_.payload))
             return refuse(web_socket_code::not_utf8, "a text message is not UTF-8");
         complete_ = true;
         return {};
@@ -155,22 +154,22 @@ ise::result<void> web_socket_reader::end() {
             return refuse(web_socket_code::protocol_error, fmt::format("a close frame has the code {}", code));
         made_.code = static_cast<web_socket_code>(code);
         made_.payload.erase(0, 2);
-        if (!ise::detail::is_utf8(made_.payload))
+        if (!detail::is_utf8(made_.payload))
             return refuse(web_socket_code::not_utf8, "the reason of a close frame is not UTF-8");
     }
     complete_ = true;
     return {};
 }
 
-ise::result<std::size_t> web_socket_reader::feed(ise::bytes_view in) {
-    if (failed_) return ise::failure(ise::errc::malformed, "an earlier frame was refused");
+result<std::size_t> web_socket_reader::feed(bytes_view in) {
+    if (failed_) return failure(errc::malformed, "an earlier frame was refused");
     std::size_t used = 0;
     while (!complete_ && (used < in.size() || (in_payload_ && left_ == 0))) {
         if (in_payload_) {
             auto& to = is_control(opcode_) ? control_ : data_;
             auto count = static_cast<std::size_t>(std::min<std::uint64_t>(left_, in.size() - used));
             const auto start = to.size();
-            to.append(ise::as_text(in.subspan(used, count)));
+            to.append(as_text(in.subspan(used, count)));
             if (whose_ == from::clients)
                 for (std::size_t i = 0; i < count; ++i)
                     to[start + i] = static_cast<char>(static_cast<std::uint8_t>(to[start + i]) ^ mask_[masked_++ & 3]);
@@ -238,7 +237,7 @@ void append_close(std::string& to, web_socket_code code, std::string_view reason
 
 std::string web_socket_accept(std::string_view key) {
     auto digest = sha1(std::string(key).append(handshake_guid));
-    return ise::detail::to_base64(digest);
+    return detail::to_base64(digest);
 }
 
 bool is_web_socket_key(std::string_view key) noexcept {
@@ -261,4 +260,4 @@ bool lists_token(std::string_view header, std::string_view token) noexcept {
     return false;
 }
 
-} // namespace atirma
+} // namespace ise

@@ -1,19 +1,19 @@
 #pragma once
-#include <components/http/http_client.hpp>
+#include <ise/http/http_client.hpp>
 
 #include <ise/core/loop.hpp>
 
-namespace atirma {
+namespace ise {
 
 /// HTTP without TLS over the environment's streams: for the virtual world, and for servers on the same host. Each
 /// exchange has a connection of its own. Errors beside those of `http_client`: invalid_argument for an https URL.
 class stream_http_client final : public http_client {
 public:
-    explicit stream_http_client(ise::loop& on) : loop_(on) {}
-    ise::task<ise::result<http_answer>> exchange(http_exchange what, ise::duration within) override;
+    explicit stream_http_client(loop& on) : loop_(on) {}
+    task<result<http_answer>> exchange(http_exchange what, duration within) override;
 
 private:
-    ise::loop& loop_;
+    loop& loop_;
 };
 
 /// The parts of "http://host:8080/path?query".
@@ -23,6 +23,6 @@ struct http_url {
     std::string target = "/";
 };
 /// Errors: invalid_argument (https, or no URL).
-ise::result<http_url> parse_http_url(std::string_view url);
+result<http_url> parse_http_url(std::string_view url);
 
-} // namespace atirma
+} // namespace ise

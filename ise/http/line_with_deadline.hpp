@@ -8,39 +8,39 @@
 #include <string_view>
 #include <vector>
 
-namespace atirma {
+namespace ise {
 
 /// A stream that gives up at a time: then what waits and what follows fails with `asio::error::timed_out`, and the
 /// stream is closed. Used on one loop; one operation at a time.
 class line_with_deadline {
 public:
-    line_with_deadline(ise::loop& on, std::unique_ptr<ise::stream> line);
+    line_with_deadline(loop& on, std::unique_ptr<stream> line);
 
     /// From now on, until it is set anew; time_point::max() is never.
-    void until(ise::time_point deadline);
+    void until(time_point deadline);
 
-    /// As ise::stream. Cancellation: terminal.
-    ise::task<ise::transfer> read_some(asio::mutable_buffer into);
+    /// As stream. Cancellation: terminal.
+    task<transfer> read_some(asio::mutable_buffer into);
     /// Writes all of it; `content` stays valid as long. Cancellation: terminal, part of it may have gone.
-    ise::task<std::error_code> write_all(std::string_view content);
+    task<std::error_code> write_all(std::string_view content);
     /// The same of several pieces, one after the other.
-    ise::task<std::error_code> write_all(std::vector<std::string_view> pieces);
+    task<std::error_code> write_all(std::vector<std::string_view> pieces);
 
     /// Reads until the other side closes, the deadline, or `most` bytes, and keeps nothing: whoever closes on bytes
     /// that were not read may take back what it has written. Cancellation: terminal.
-    ise::task<> drop_rest(std::size_t most);
+    task<> drop_rest(std::size_t most);
 
     /// Called at the deadline, before the stream is closed: what is written then without waiting still goes out.
     void on_late(std::function<void()> last_words) { last_words_ = std::move(last_words); }
 
     bool late() const noexcept { return late_; }
-    ise::stream& line() noexcept { return *line_; }
+    stream& line() noexcept { return *line_; }
 
 private:
-    std::unique_ptr<ise::stream> line_;
+    std::unique_ptr<stream> line_;
     std::function<void()> last_words_;
     bool late_ = false;
-    ise::timer alarm_;
+    timer alarm_;
 };
 
-} // namespace atirma
+} // namespace ise

@@ -1,5 +1,5 @@
 #pragma once
-#include <components/http/sse_event.hpp>
+#include <ise/http/sse_event.hpp>
 
 #include <cstdint>
 #include <functional>
@@ -9,7 +9,7 @@
 #include <system_error>
 #include <vector>
 
-namespace atirma {
+namespace ise {
 
 /// Where one client's text goes. At most one `write` is under way at a time.
 class sse_sink {
@@ -83,4 +83,4 @@ private:
 /// The event as it stands on the wire (an `id:`, an `event:` and `data:` lines, and an empty line).
 std::string encode_event(const sse_event& event);
 
-} // namespace atirma
+} // namespace ise

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-namespace atirma {
+namespace ise {
 
 /// What is asked of an HTTP server.
 struct http_exchange {
@@ -33,9 +33,9 @@ public:
     /// One request and its answer, of at most `max_answer_bytes` (1 MiB).
     /// Errors: invalid_argument (no such URL), unreachable (name, address, TLS: nothing was sent), timed_out and
     /// peer_lost (unknown whether the server acted), too_large. Cancellation: terminal, the transfer ends.
-    virtual ise::task<ise::result<http_answer>> exchange(http_exchange what, ise::duration within) = 0;
+    virtual task<result<http_answer>> exchange(http_exchange what, duration within) = 0;
 
     static constexpr std::size_t max_answer_bytes = 1 << 20;
 };
 
-} // namespace atirma
+} // namespace ise

@@ -1,7 +1,7 @@
 #pragma once
 #include <string>
 
-namespace atirma {
+namespace ise {
 
 /// One server-sent event.
 struct sse_event {
@@ -10,4 +10,4 @@ struct sse_event {
     std::string data; ///< one JSON text
 };
 
-} // namespace atirma
+} // namespace ise

@@ -1,9 +1,9 @@
-#include <components/http/http_answers.hpp>
+#include <ise/http/http_answers.hpp>
 
 #include <algorithm>
 #include <cctype>
 
-namespace atirma {
+namespace ise {
 
 std::string_view reason_of(int status) noexcept {
     switch (status) {
@@ -65,4 +65,4 @@ std::string safe_file_name(std::string_view name) {
     return safe;
 }
 
-} // namespace atirma
+} // namespace ise

@@ -1,10 +1,10 @@
-#include <components/http/sse_channel.hpp>
+#include <ise/http/sse_channel.hpp>
 
 #include <algorithm>
 #include <optional>
 #include <utility>
 
-namespace atirma {
+namespace ise {
 
 namespace {
 struct sse_client {
@@ -210,4 +210,4 @@ void sse_channel::close() noexcept {
 std::size_t sse_channel::clients() const noexcept { return self_->clients.size(); }
 const sse_statistics& sse_channel::statistics() const noexcept { return self_->statistics; }
 
-} // namespace atirma
+} // namespace ise

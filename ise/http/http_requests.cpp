@@ -1,10 +1,10 @@
-#include <components/http/http_requests.hpp>
+#include <ise/http/http_requests.hpp>
 
 #include <asio/buffer.hpp>
 
 #include <utility>
 
-namespace atirma {
+namespace ise {
 
 void http_requests::refuse(int status, std::string why) {
     auto& made = refused_.emplace();
@@ -12,14 +12,14 @@ void http_requests::refuse(int status, std::string why) {
     made.why = std::move(why);
 }
 
-ise::task<std::optional<http_message>> http_requests::next() {
+task<std::optional<http_message>> http_requests::next() {
     std::optional<http_message> request;
     bool timed = !rest_.empty();
-    line_.until(ise::saturating_add(loop_.now(), timed ? times_.request : times_.idle));
+    line_.until(saturating_add(loop_.now(), timed ? times_.request : times_.idle));
     while (!reader_.complete()) {
         if (rest_.empty()) {
             auto got = co_await line_.read_some(asio::buffer(buffer_));
-            rest_ = ise::bytes_view(buffer_).first(got.bytes);
+            rest_ = bytes_view(buffer_).first(got.bytes);
             if (got.problem && rest_.empty()) {
                 if (line_.late() && reader_.begun()) refuse(408, "the request did not come to its end in time");
                 co_return request; // closed, or nothing came
@@ -32,7 +32,7 @@ ise::task<std::optional<http_message>> http_requests::next() {
         }
         rest_ = rest_.subspan(*used);
         // Of the whole request, not of each byte.
-        if (!timed) line_.until(ise::saturating_add(loop_.now(), times_.request));
+        if (!timed) line_.until(saturating_add(loop_.now(), times_.request));
         timed = true;
         if (reader_.wants_continue()) {
             auto unsent = co_await line_.write_all("HTTP/1.1 100 Continue\r\n\r\n");
@@ -43,13 +43,13 @@ ise::task<std::optional<http_message>> http_requests::next() {
     co_return request;
 }
 
-ise::task<ise::bytes_view> http_requests::read_raw() {
+task<bytes_view> http_requests::read_raw() {
     auto got = std::exchange(rest_, {});
     if (got.empty()) {
         auto read = co_await line_.read_some(asio::buffer(buffer_));
-        got = ise::bytes_view(buffer_).first(read.bytes);
+        got = bytes_view(buffer_).first(read.bytes);
     }
     co_return got;
 }
 
-} // namespace atirma
+} // namespace ise

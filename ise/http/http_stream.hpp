@@ -1,5 +1,5 @@
 #pragma once
-#include <components/http/http_requests.hpp>
+#include <ise/http/http_requests.hpp>
 
 #include <ise/core/loop.hpp>
 #include <ise/core/task.hpp>
@@ -10,11 +10,11 @@
 #include <string_view>
 #include <system_error>
 
-namespace atirma {
+namespace ise {
 
 struct http_stream_times {
-    ise::duration write = std::chrono::seconds(90);  ///< for the client to take one piece
-    ise::duration silent = std::chrono::seconds(60); ///< without a piece; then the connection is closed
+    duration write = std::chrono::seconds(90);  ///< for the client to take one piece
+    duration silent = std::chrono::seconds(60); ///< without a piece; then the connection is closed
 };
 
 /// The body of a response that is sent while it is made, piece by piece; the connection ends with it. Used on one loop;
@@ -22,24 +22,23 @@ struct http_stream_times {
 class http_stream {
 public:
     /// `head` is sent with the first piece.
-    http_stream(ise::loop& on, std::shared_ptr<http_requests> over, std::string head, bool chunked,
-                http_stream_times times);
+    http_stream(loop& on, std::shared_ptr<http_requests> over, std::string head, bool chunked, http_stream_times times);
 
     /// Sends a piece, which stays valid as long; completes when the system has taken it. Errors: those of the
     /// connection, timed_out, not_connected after `close`. Cancellation: terminal, part of it may have gone.
-    ise::task<std::error_code> write(std::string_view piece);
+    task<std::error_code> write(std::string_view piece);
     /// Ends the body. Cancellation: terminal.
-    ise::task<> finish();
+    task<> finish();
     /// Closes the connection; between pieces the body is complete, within one it is cut off. Idempotent.
     void close() noexcept;
     /// Called once, when either side closes the connection.
     void on_closed(std::function<void()> told) { on_closed_ = std::move(told); }
 
     /// Reads, and keeps nothing, so that `self` is closed as soon as the client leaves. Cancellation: terminal.
-    static ise::task<> watch(std::shared_ptr<http_stream> self);
+    static task<> watch(std::shared_ptr<http_stream> self);
 
 private:
-    ise::loop& loop_;
+    loop& loop_;
     std::shared_ptr<http_requests> over_;
     std::string head_;
     bool chunked_;
@@ -48,4 +47,4 @@ private:
     bool busy_ = false, closed_ = false, ended_ = false;
 };
 
-} // namespace atirma
+} // namespace ise

@@ -1,6 +1,6 @@
-#include <components/http/http_server.hpp>
+#include <ise/http/http_server.hpp>
 
-#include <components/http/http_answers.hpp>
+#include <ise/http/http_answers.hpp>
 
 #include <ise/core/environment.hpp>
 #include <ise/core/error.hpp>
@@ -22,12 +22,12 @@
 #include <set>
 #include <utility>
 
-namespace atirma {
+namespace ise {
 namespace {
 
 constexpr std::size_t max_dropped = 1 << 20; // bytes of a request that was refused
 constexpr std::size_t max_turned_away = 32;  // connections at a time that are told so; beyond it they are just closed
-constexpr ise::duration time_to_turn_away = std::chrono::seconds(1);
+constexpr duration time_to_turn_away = std::chrono::seconds(1);
 
 using extra_headers = std::vector<std::pair<std::string, std::string>>;
 
@@ -39,7 +39,7 @@ http_response plain_error(int status, std::string_view what) {
 }
 
 /// The first line and the headers that every response has, each ending its line.
-std::string head_of(const ise::environment& env, const http_response& of, const std::string& images) {
+std::string head_of(const environment& env, const http_response& of, const std::string& images) {
     auto at = std::chrono::floor<std::chrono::seconds>(env.wall());
     auto head =
         fmt::format("HTTP/1.1 {} {}\r\nDate: {:%a, %d %b %Y %H:%M:%S} GMT\r\nContent-Type: {}\r\n", of.status,
@@ -55,7 +55,7 @@ std::string head_of(const ise::environment& env, const http_response& of, const 
 }
 
 /// The head of a response with a length.
-std::string whole_head(const ise::environment& env, const http_response& of, bool keep, const std::string& images) {
+std::string whole_head(const environment& env, const http_response& of, bool keep, const std::string& images) {
     return fmt::format("{}Content-Length: {}\r\nConnection: {}\r\n\r\n", head_of(env, of, images),
                        of.body.bytes().size(),
                        keep ? "keep-alive" : "close"); // the length of a 304, too: what a 200 would have
@@ -109,13 +109,13 @@ void take_form(http_response& made, const wished_form& wished) {
 }
 
 http_server::handler in_turn(http_server::quick_handler answer) {
-    return [answer = std::move(answer)](http_request asked) -> ise::task<http_response> { co_return answer(asked); };
+    return [answer = std::move(answer)](http_request asked) -> task<http_response> { co_return answer(asked); };
 }
 
 /// Passes one client's events to its connection.
 class event_sink final : public sse_sink {
 public:
-    explicit event_sink(ise::loop& on) : wake_(on, [this] { wake_.resume(asio::error::operation_aborted); }) {}
+    explicit event_sink(loop& on) : wake_(on, [this] { wake_.resume(asio::error::operation_aborted); }) {}
 
     void write(std::shared_ptr<const std::string> text, written done) override {
         if (closed_) return done(asio::error::not_connected);
@@ -129,7 +129,7 @@ public:
         wake_.resume({});
     }
 
-    static ise::task<> run(std::shared_ptr<event_sink> self, std::shared_ptr<http_stream> over) {
+    static task<> run(std::shared_ptr<event_sink> self, std::shared_ptr<http_stream> over) {
         struct leaving {
             event_sink& mine;
             ~leaving() {
@@ -153,7 +153,7 @@ public:
     }
 
 private:
-    ise::waiter<std::error_code> wake_;
+    waiter<std::error_code> wake_;
     std::shared_ptr<http_stream> over_; ///< while it runs
     std::shared_ptr<const std::string> text_;
     written done_;
@@ -165,12 +165,12 @@ struct event_path {
     event_path(sse_channel::snapshot_source source, sse_limits limits)
         : events(std::move(source), limits), places(limits.max_clients) {}
     sse_channel events;
-    ise::net::fair_places places;
+    net::fair_places places;
 };
 
 /// One client of an event stream.
 struct event_client {
-    event_client(ise::loop& on, sse_channel& of) : from(of), sink(std::make_shared<event_sink>(on)) {}
+    event_client(loop& on, sse_channel& of) : from(of), sink(std::make_shared<event_sink>(on)) {}
     ~event_client() {
         from.remove(sink.get());
         sink->close();
@@ -180,13 +180,13 @@ struct event_client {
 
     sse_channel& from;
     std::shared_ptr<event_sink> sink;
-    std::unique_ptr<ise::net::fair_places::place> place;
+    std::unique_ptr<net::fair_places::place> place;
 };
 
 } // namespace
 
 struct http_server::implementation : std::enable_shared_from_this<implementation> {
-    implementation(ise::loop& on_, ise::logger to, http_limits chosen, spawner start)
+    implementation(loop& on_, logger to, http_limits chosen, spawner start)
         : on(on_), log(std::move(to)), limits(chosen), spawn(std::move(start)) {}
 
     struct other_name {
@@ -195,7 +195,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         std::string link;
     };
 
-    ise::time_point after(ise::duration time) const { return ise::saturating_add(on.now(), time); }
+    time_point after(duration time) const { return saturating_add(on.now(), time); }
 
     void note(std::string_view what, const std::string& peer) {
         if (auto left_out = quiet.admit(on.now()))
@@ -266,7 +266,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         return error(404, "There is no such page.");
     }
 
-    ise::task<http_response> respond(http_request asked) {
+    task<http_response> respond(http_request asked) {
         http_response made;
         const auto* by = handler_of(asked);
         if (by) {
@@ -280,7 +280,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         co_return made;
     }
 
-    ise::task<std::error_code> send(http_requests& over, http_response what, bool with_body, bool keep) {
+    task<std::error_code> send(http_requests& over, http_response what, bool with_body, bool keep) {
         auto head = whole_head(on.env(), what, keep, images);
         std::vector<std::string_view> pieces(1, head);
         if (with_body && what.status != 304) pieces.push_back(what.body.bytes());
@@ -289,7 +289,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         co_return unsent;
     }
 
-    ise::task<> stream(std::shared_ptr<http_requests> over, http_response what, bool chunked, std::string peer) {
+    task<> stream(std::shared_ptr<http_requests> over, http_response what, bool chunked, std::string peer) {
         over->line().on_late(nullptr);
         what.headers.emplace_back("Connection", "close");
         if (chunked) what.headers.emplace_back("Transfer-Encoding", "chunked");
@@ -305,7 +305,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         co_await body->finish();
     }
 
-    ise::task<> upgrade(std::shared_ptr<http_requests> over, http_response what, std::string peer) {
+    task<> upgrade(std::shared_ptr<http_requests> over, http_response what, std::string peer) {
         over->line().on_late(nullptr);
         std::string head = "HTTP/1.1 101 Switching Protocols\r\n";
         for (const auto& [name, value] : what.headers) head.append(name).append(": ").append(value).append("\r\n");
@@ -329,7 +329,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     }
 
     /// Gives the reason before the end: a client that is still sending would lose it.
-    ise::task<> refuse(http_requests& over, http_response why) {
+    task<> refuse(http_requests& over, http_response why) {
         over.line().on_late(nullptr); // one answer is enough
         auto sending = send(over, std::move(why), true, false);
         co_await std::move(sending);
@@ -337,7 +337,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         co_await over.line().drop_rest(max_dropped);
     }
 
-    ise::task<> converse(std::shared_ptr<http_requests> over, ise::net::fair_places::place& place, std::string peer) {
+    task<> converse(std::shared_ptr<http_requests> over, net::fair_places::place& place, std::string peer) {
         over->line().on_late([this, raw = over.get()] {
             if (!raw->under_way()) return;
             auto text = text_of_error(408, "The request did not come to its end in time.");
@@ -370,12 +370,12 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
             auto what = fmt::format("{} {}", message->method, message->target);
             http_response made;
             std::optional<std::string> failed;
-            over->line().until(ise::time_point::max());
+            over->line().until(time_point::max());
             try {
                 auto responding = respond(request_of(std::move(*message), peer));
                 made = co_await std::move(responding);
             } catch (const std::exception& why) {
-                if (ise::is_cancellation(std::current_exception())) throw;
+                if (is_cancellation(std::current_exception())) throw;
                 failed = why.what();
             }
             if (failed) {
@@ -403,7 +403,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     }
 
     /// A connection never takes the component down with it.
-    static ise::task<> serve(std::shared_ptr<implementation> self, ise::net::admitted accepted) {
+    static task<> serve(std::shared_ptr<implementation> self, net::admitted accepted) {
         // Its place goes before the places; the order of parameters differs among compilers.
         auto who = std::move(accepted);
         struct listed {
@@ -419,7 +419,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
             auto conversing = self->converse(std::move(over), *who.place, peer);
             co_await std::move(conversing);
         } catch (const std::exception& why) {
-            if (!ise::is_cancellation(std::current_exception())) problem = why.what();
+            if (!is_cancellation(std::current_exception())) problem = why.what();
         }
         if (!problem.empty()) self->note("a connection ended: " + problem, peer);
     }
@@ -429,7 +429,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         return whole_head(on.env(), made, false, images).append(made.body.bytes());
     }
 
-    static ise::task<> turn_away(std::shared_ptr<implementation> self, std::unique_ptr<ise::stream> stranger) {
+    static task<> turn_away(std::shared_ptr<implementation> self, std::unique_ptr<ise::stream> stranger) {
         struct counted {
             std::size_t& count;
             explicit counted(std::size_t& of) : count(of) { ++count; }
@@ -443,7 +443,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         co_await line.drop_rest(max_dropped);
     }
 
-    void take(ise::net::admitted who) {
+    void take(net::admitted who) {
         if (stopped) return; // accepted just before: it is closed
         ++statistics.connections;
         auto peer = who.line->peer();
@@ -452,11 +452,11 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
         if (turned_away < max_turned_away) spawn("http " + peer, turn_away(shared_from_this(), std::move(who.line)));
     }
 
-    ise::loop& on;
-    ise::logger log;
+    loop& on;
+    logger log;
     http_limits limits;
     spawner spawn;
-    ise::log_limiter quiet, quiet_failures; // of peers, of handlers
+    log_limiter quiet, quiet_failures; // of peers, of handlers
     error_page error_text = plain_error;
     std::string images; ///< origins that pages may load pictures from, besides this server
     std::map<std::string, static_file, std::less<>> files;
@@ -464,8 +464,8 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     std::map<std::string, handler, std::less<>> handlers;
     std::map<std::string, std::unique_ptr<event_path>, std::less<>> channels;
     handler fallback;
-    std::unique_ptr<ise::net::fair_places> places; // of the listener; made once, connections hold them
-    std::shared_ptr<ise::listener> listener;
+    std::unique_ptr<net::fair_places> places; // of the listener; made once, connections hold them
+    std::shared_ptr<listener> listener;
     std::set<ise::stream*> open;
     std::size_t turned_away = 0;
     http_statistics statistics;
@@ -473,7 +473,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
 };
 
 http_response accept_web_socket(const http_request& asked, const std::vector<std::string>& protocols,
-                                std::function<ise::task<>(std::shared_ptr<web_socket>)> talk) {
+                                std::function<task<>(std::shared_ptr<web_socket>)> talk) {
     const auto& request = asked.message;
     if (request.method != "GET" || !lists_token(request.header("upgrade"), "websocket") ||
         !lists_token(request.header("connection"), "upgrade")) {
@@ -491,9 +491,8 @@ http_response accept_web_socket(const http_request& asked, const std::vector<std
     auto offered = request.header("sec-websocket-protocol");
     auto chosen = std::ranges::find_if(protocols, [&](const auto& one) { return lists_token(offered, one); });
     if (!protocols.empty() && chosen == protocols.end())
-        return plain_error(400,
-                           fmt::format("None of the subprotocols offered ({}) is spoken here: {}.",
-                                       offered.empty() ? "none" : ise::readable(offered), fmt::join(protocols, ", ")));
+        return plain_error(400, fmt::format("None of the subprotocols offered ({}) is spoken here: {}.",
+                                            offered.empty() ? "none" : readable(offered), fmt::join(protocols, ", ")));
     http_response made;
     made.status = 101;
     made.headers = {{"Upgrade", "websocket"},
@@ -504,7 +503,7 @@ http_response accept_web_socket(const http_request& asked, const std::vector<std
     return made;
 }
 
-http_server::http_server(ise::loop& on, ise::logger log, http_limits limits, spawner spawn)
+http_server::http_server(loop& on, logger log, http_limits limits, spawner spawn)
     : self_(std::make_shared<implementation>(on, std::move(log), limits, std::move(spawn))) {}
 
 http_server::~http_server() { stop(); }
@@ -534,34 +533,34 @@ void http_server::on_error(error_page page) { self_->error_text = std::move(page
 
 sse_channel& http_server::events(std::string path, sse_channel::snapshot_source snapshot) {
     auto& place = self_->channels[path];
-    if (place) throw ise::error(ise::errc::invalid_argument, fmt::format("two event streams under one path: {}", path));
+    if (place) throw error(errc::invalid_argument, fmt::format("two event streams under one path: {}", path));
     place = std::make_unique<event_path>(std::move(snapshot), self_->limits.streams);
     return place->events;
 }
 
-ise::result<void> http_server::listen(const ise::endpoint& at) {
+result<void> http_server::listen(const endpoint& at) {
     auto& self = *self_;
     auto made = self.on.env().listen(self.on, at);
     if (!made) return made.error();
     self.listener = std::move(*made);
     if (!self.places) {
         auto wanted = self.limits.max_connections;
-        auto room = self.on.env().is_virtual() ? wanted : ise::room_for_sockets(wanted);
+        auto room = self.on.env().is_virtual() ? wanted : room_for_sockets(wanted);
         if (room < wanted)
             self.log.warning(
                 fmt::format("this process may open too few files for {} connections: at most {} are served "
                             "at once; raise the limit (ulimit -Hn, or LimitNOFILE= of systemd)",
                             wanted, room));
-        self.places = std::make_unique<ise::net::fair_places>(room);
+        self.places = std::make_unique<net::fair_places>(room);
     }
     self.stopped = false;
     self.spawn("http at " + where().text(),
-               ise::net::accept_each(self.on, self.listener, self.places.get(), ise::net::log_to(self.on, self.log),
-                                     [self = self_](ise::net::admitted who) { self->take(std::move(who)); }));
+               net::accept_each(self.on, self.listener, self.places.get(), net::log_to(self.on, self.log),
+                                [self = self_](net::admitted who) { self->take(std::move(who)); }));
     return {};
 }
 
-ise::endpoint http_server::where() const { return self_->listener ? self_->listener->where() : ise::endpoint(); }
+endpoint http_server::where() const { return self_->listener ? self_->listener->where() : endpoint(); }
 
 std::string http_server::url() const {
     auto at = where();
@@ -588,4 +587,4 @@ http_statistics http_server::statistics() const noexcept {
     return counted;
 }
 
-} // namespace atirma
+} // namespace ise

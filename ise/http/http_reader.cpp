@@ -1,4 +1,4 @@
-#include <components/http/http_reader.hpp>
+#include <ise/http/http_reader.hpp>
 
 #include <fmt/format.h>
 #include <http_parser.h>
@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <optional>
 
-namespace atirma {
+namespace ise {
 
 std::string_view http_message::header(std::string_view name) const noexcept {
     for (const auto& [known, value] : headers)
@@ -30,7 +30,7 @@ struct http_reader::parser {
     }
     /// What a callback returns: 0 goes on.
     int too_large(int answered_with, std::string why) {
-        if (!wrong) wrong.emplace(ise::errc::too_large, std::move(why));
+        if (!wrong) wrong.emplace(errc::too_large, std::move(why));
         status = answered_with;
         return 1;
     }
@@ -106,7 +106,7 @@ struct http_reader::parser {
     http_reader_limits limits;
     http_parser state{};
     http_message now;
-    std::optional<ise::failure> wrong;
+    std::optional<failure> wrong;
     int status = 400; // of the answer to what is wrong
     std::size_t head_bytes = 0;
     bool whole = false, started = false, continues = false, in_value = false;
@@ -115,7 +115,7 @@ struct http_reader::parser {
 http_reader::http_reader(reads what, http_reader_limits limits) : parser_(std::make_unique<parser>(what, limits)) {}
 http_reader::~http_reader() = default;
 
-ise::result<std::size_t> http_reader::feed(ise::bytes_view in) {
+result<std::size_t> http_reader::feed(bytes_view in) {
     auto& p = *parser_;
     if (p.wrong) return *p.wrong;
     if (p.whole) return std::size_t{0};
@@ -126,21 +126,21 @@ ise::result<std::size_t> http_reader::feed(ise::bytes_view in) {
     if (p.wrong) return *p.wrong;
     if (problem == HPE_PAUSED) return std::min(used, in.size());
     if (problem != HPE_OK) {
-        p.wrong.emplace(ise::errc::malformed, fmt::format("no HTTP: {}", http_errno_description(problem)));
+        p.wrong.emplace(errc::malformed, fmt::format("no HTTP: {}", http_errno_description(problem)));
         return *p.wrong;
     }
     if (p.state.upgrade != 0 && !p.whole) p.whole = true; // CONNECT and the like have no body for us
     return used;
 }
 
-ise::result<void> http_reader::end() {
+result<void> http_reader::end() {
     auto& p = *parser_;
     if (p.wrong) return *p.wrong;
     if (p.whole) return {};
     static const auto settings = parser::settings();
     http_parser_execute(&p.state, &settings, nullptr, 0);
     if (p.wrong) return *p.wrong;
-    if (!p.whole) return ise::failure(ise::errc::malformed, "the message is cut off");
+    if (!p.whole) return failure(errc::malformed, "the message is cut off");
     return {};
 }
 
@@ -155,4 +155,4 @@ http_message http_reader::take() {
     return message;
 }
 
-} // namespace atirma
+} // namespace ise

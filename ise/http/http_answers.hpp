@@ -5,7 +5,7 @@
 #include <vector>
 
 // What the HTTP server says, and how it reads what it is asked. Pure.
-namespace atirma {
+namespace ise {
 
 /// "Not Found"; "Status" for a number without a name here.
 std::string_view reason_of(int status) noexcept;
@@ -23,4 +23,4 @@ bool lists_etag(std::string_view if_none_match, std::string_view etag);
 /// A name that stands safely between the quotes of a header.
 std::string safe_file_name(std::string_view name);
 
-} // namespace atirma
+} // namespace ise

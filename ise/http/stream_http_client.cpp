@@ -1,9 +1,9 @@
-#include <components/http/stream_http_client.hpp>
+#include <ise/http/stream_http_client.hpp>
 
-#include <components/http/http_reader.hpp>
-#include <components/http/line_with_deadline.hpp>
+#include <ise/http/http_reader.hpp>
+#include <ise/http/line_with_deadline.hpp>
 
-#include <ise/component/url.hpp>
+#include <ise/core/url.hpp>
 #include <ise/net/connect.hpp>
 
 #include <asio/error.hpp>
@@ -11,7 +11,7 @@
 
 #include <array>
 
-namespace atirma {
+namespace ise {
 namespace {
 
 std::string request_text(const http_exchange& what, const http_url& to) {
@@ -25,12 +25,12 @@ bool one_line(std::string_view text) { return text.find_first_of("\r\n") == std:
 
 } // namespace
 
-ise::result<http_url> parse_http_url(std::string_view url) {
+result<http_url> parse_http_url(std::string_view url) {
     auto wrong = [&](std::string_view why) {
-        return ise::failure(ise::errc::invalid_argument,
-                            fmt::format("'{}' {}; a right one is http://host:8080/path", url.substr(0, 200), why));
+        return failure(errc::invalid_argument,
+                       fmt::format("'{}' {}; a right one is http://host:8080/path", url.substr(0, 200), why));
     };
-    auto parts = ise::parse_url(url);
+    auto parts = parse_url(url);
     if (!parts) return wrong("is not an http URL");
     if (parts->scheme == "https") return wrong("needs TLS, which this client has not");
     if (parts->scheme != "http") return wrong("is not an http URL");
@@ -43,25 +43,25 @@ ise::result<http_url> parse_http_url(std::string_view url) {
     return out;
 }
 
-ise::task<ise::result<http_answer>> stream_http_client::exchange(http_exchange what, ise::duration within) {
-    auto deadline = ise::saturating_add(loop_.now(), within);
+task<result<http_answer>> stream_http_client::exchange(http_exchange what, duration within) {
+    auto deadline = saturating_add(loop_.now(), within);
     auto to = parse_http_url(what.url);
     if (!to) co_return to.error();
     bool clean = one_line(what.method) && one_line(to->target);
     for (const auto& [name, value] : what.headers) clean = clean && one_line(name) && one_line(value);
-    if (!clean) co_return ise::failure(ise::errc::invalid_argument, "a line break in a method or header");
-    ise::endpoint peer;
+    if (!clean) co_return failure(errc::invalid_argument, "a line break in a method or header");
+    endpoint peer;
     peer.host = to->host;
     peer.port = to->port;
-    auto connected = co_await ise::net::connect_until(loop_, peer, deadline);
-    if (!connected) co_return ise::failure(ise::errc::unreachable, connected.error().message()); // nothing was sent
+    auto connected = co_await net::connect_until(loop_, peer, deadline);
+    if (!connected) co_return failure(errc::unreachable, connected.error().message()); // nothing was sent
     line_with_deadline line(loop_, std::move(*connected));
     line.until(deadline);
     auto lost = [&](const std::error_code& cause) {
-        auto code = cause == asio::error::timed_out ? ise::errc::timed_out : ise::errc::peer_lost;
-        return ise::failure(
-            code, fmt::format("{}: {}", what.url, code == ise::errc::timed_out ? "no answer in time" : cause.message()),
-            ise::execution::unknown);
+        auto code = cause == asio::error::timed_out ? errc::timed_out : errc::peer_lost;
+        return failure(code,
+                       fmt::format("{}: {}", what.url, code == errc::timed_out ? "no answer in time" : cause.message()),
+                       execution::unknown);
     };
     auto text = request_text(what, *to);
     auto unsent = co_await line.write_all(text);
@@ -72,12 +72,11 @@ ise::task<ise::result<http_answer>> stream_http_client::exchange(http_exchange w
     std::array<std::byte, 4096> buffer;
     for (;;) {
         auto got = co_await line.read_some(asio::buffer(buffer));
-        auto rest = ise::bytes_view(buffer).first(got.bytes);
+        auto rest = bytes_view(buffer).first(got.bytes);
         while (!rest.empty()) {
             auto used = reader.feed(rest);
             if (!used)
-                co_return ise::failure(used.error().code(), what.url + ": " + used.error().message(),
-                                       ise::execution::unknown);
+                co_return failure(used.error().code(), what.url + ": " + used.error().message(), execution::unknown);
             rest = rest.subspan(*used);
             bool interim = reader.complete();
             if (!interim) continue;
@@ -103,4 +102,4 @@ ise::task<ise::result<http_answer>> stream_http_client::exchange(http_exchange w
     }
 }
 
-} // namespace atirma
+} // namespace ise

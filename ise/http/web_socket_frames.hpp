@@ -7,7 +7,7 @@
 #include <string_view>
 
 // WebSocket (RFC 6455): the handshake's texts and the frames. Pure.
-namespace atirma {
+namespace ise {
 
 /// A close code of RFC 6455, section 7.4.1.
 enum class web_socket_code : std::uint16_t {
@@ -49,16 +49,16 @@ public:
     /// Takes bytes until one message or control frame is whole, and returns how many. The rest belongs to the next one:
     /// `take()`, then feed it. Errors: malformed, too_large (`refusal()` is the code to close with). It is of no more
     /// use after an error.
-    ise::result<std::size_t> feed(ise::bytes_view in);
+    result<std::size_t> feed(bytes_view in);
     bool complete() const noexcept { return complete_; } ///< there is something to `take`
     web_socket_message take();                           ///< only where `complete()`
     /// The code that answers an error of `feed`.
     web_socket_code refusal() const noexcept { return refusal_; }
 
 private:
-    ise::failure refuse(web_socket_code code, std::string why);
-    ise::result<void> begin();
-    ise::result<void> end();
+    failure refuse(web_socket_code code, std::string why);
+    result<void> begin();
+    result<void> end();
 
     from whose_;
     web_socket_limits limits_;
@@ -93,4 +93,4 @@ bool is_web_socket_key(std::string_view key) noexcept;
 /// Whether a comma-separated header has this token, in any case.
 bool lists_token(std::string_view header, std::string_view token) noexcept;
 
-} // namespace atirma
+} // namespace ise

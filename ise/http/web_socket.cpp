@@ -1,4 +1,4 @@
-#include <components/http/web_socket.hpp>
+#include <ise/http/web_socket.hpp>
 
 #include <asio/error.hpp>
 #include <fmt/format.h>
@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <utility>
 
-namespace atirma {
+namespace ise {
 namespace {
 
 constexpr std::size_t max_control_waiting = 16 * 1024; // bytes of pongs that a client does not read
@@ -16,18 +16,17 @@ constexpr std::size_t max_kept = 256 * 1024;           // capacity of a batch
 
 } // namespace
 
-web_socket::web_socket(ise::loop& on, std::shared_ptr<http_requests> over, web_socket_limits limits,
-                       web_socket_times times)
+web_socket::web_socket(loop& on, std::shared_ptr<http_requests> over, web_socket_limits limits, web_socket_times times)
     : loop_(on), over_(std::move(over)), reader_(web_socket_reader::from::clients, limits), times_(times),
       room_(on, [this] { room_.resume(asio::error::operation_aborted); }), timer_(on, [this] { on_timer(); }) {
     over_->line().on_late(nullptr);
-    over_->line().until(ise::time_point::max());
+    over_->line().until(time_point::max());
     over_->line().line().limit_unsent(max_unsent);
     pinged_at_ = loop_.now();
-    timer_.arm(ise::saturating_add(pinged_at_, times_.idle_ping));
+    timer_.arm(saturating_add(pinged_at_, times_.idle_ping));
 }
 
-ise::task<std::optional<web_socket_message>> web_socket::next() {
+task<std::optional<web_socket_message>> web_socket::next() {
     std::optional<web_socket_message> message;
     while (!aborted_) {
         if (rest_.empty()) {
@@ -78,7 +77,7 @@ void web_socket::end(web_socket_code code, std::string reason) {
     auto& made = closing_.emplace();
     made.code = code;
     made.reason = std::move(reason);
-    timer_.arm(ise::saturating_add(loop_.now(), times_.closing));
+    timer_.arm(saturating_add(loop_.now(), times_.closing));
     wake();
 }
 
@@ -100,7 +99,7 @@ void web_socket::on_pong(std::string_view payload) {
     if (!ping_unanswered_ || payload != std::to_string(ping_)) return; // one that nobody asked for is allowed
     ping_unanswered_ = false;
     counts_.round_trip = loop_.now() - pinged_at_;
-    timer_.arm(ise::saturating_add(loop_.now(), times_.idle_ping));
+    timer_.arm(saturating_add(loop_.now(), times_.idle_ping));
     if (std::exchange(counts_.held, false)) wake();
 }
 
@@ -110,7 +109,7 @@ void web_socket::on_timer() {
         append_frame(control_, web_socket_opcode::ping, std::to_string(++ping_));
         ping_unanswered_ = true;
         pinged_at_ = loop_.now();
-        timer_.arm(ise::saturating_add(pinged_at_, times_.lost));
+        timer_.arm(saturating_add(pinged_at_, times_.lost));
         wake();
         return;
     }
@@ -136,10 +135,10 @@ void web_socket::collect(std::string& to) {
     append_frame(to, web_socket_opcode::ping, std::to_string(++ping_));
     ping_unanswered_ = true;
     pinged_at_ = loop_.now();
-    timer_.arm(ise::saturating_add(pinged_at_, times_.lost));
+    timer_.arm(saturating_add(pinged_at_, times_.lost));
 }
 
-ise::task<> web_socket::write(std::shared_ptr<web_socket> self) {
+task<> web_socket::write(std::shared_ptr<web_socket> self) {
     auto held = std::move(self);
     auto& me = *held;
     auto& line = me.over_->line();
@@ -158,9 +157,9 @@ ise::task<> web_socket::write(std::shared_ptr<web_socket> self) {
             if (!me.woken_) co_await me.room_.wait();
             continue;
         }
-        line.until(ise::saturating_add(me.loop_.now(), me.times_.write));
+        line.until(saturating_add(me.loop_.now(), me.times_.write));
         auto unsent = co_await line.write_all(batch);
-        line.until(ise::time_point::max());
+        line.until(time_point::max());
         if (unsent) {
             if (line.late()) me.cause_ = "the client takes nothing";
             me.abort();
@@ -172,4 +171,4 @@ ise::task<> web_socket::write(std::shared_ptr<web_socket> self) {
     if (!me.aborted_) line.line().shutdown_write();
 }
 
-} // namespace atirma
+} // namespace ise

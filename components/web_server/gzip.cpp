@@ -1,4 +1,4 @@
-#include <components/http/gzip.hpp>
+#include <components/web_server/gzip.hpp>
 
 #include <ise/core/error.hpp>
 

@@ -1,16 +1,16 @@
 #pragma once
-#include <components/http/http_reader.hpp>
-#include <components/http/line_with_deadline.hpp>
+#include <ise/http/http_reader.hpp>
+#include <ise/http/line_with_deadline.hpp>
 
 #include <array>
 #include <optional>
 #include <string>
 
-namespace atirma {
+namespace ise {
 
 struct http_times {
-    ise::duration request = std::chrono::seconds(15); ///< for a whole request, from its first byte to its last
-    ise::duration idle = std::chrono::seconds(30);    ///< before the first byte
+    duration request = std::chrono::seconds(15); ///< for a whole request, from its first byte to its last
+    duration idle = std::chrono::seconds(30);    ///< before the first byte
 };
 
 struct http_refusal {
@@ -21,12 +21,12 @@ struct http_refusal {
 /// The requests that a server reads from one connection, one after the other. Used on one loop, by one coroutine.
 class http_requests {
 public:
-    http_requests(ise::loop& on, std::unique_ptr<ise::stream> line, http_reader_limits limits, http_times times)
+    http_requests(loop& on, std::unique_ptr<stream> line, http_reader_limits limits, http_times times)
         : loop_(on), times_(times), line_(on, std::move(line)), reader_(http_reader::reads::requests, limits) {}
 
     /// The next whole request; none once the connection is over: closed, too slow, or refused (see `refused`).
     /// Cancellation: terminal.
-    ise::task<std::optional<http_message>> next();
+    task<std::optional<http_message>> next();
 
     /// Why the last request was no request, or none in time.
     const std::optional<http_refusal>& refused() const noexcept { return refused_; }
@@ -36,7 +36,7 @@ public:
 
     /// After a request that changes the protocol: bytes as they come, valid until the next call; none once the
     /// connection is over. One reader at a time. Cancellation: terminal.
-    ise::task<ise::bytes_view> read_raw();
+    task<bytes_view> read_raw();
 
     /// To answer over; it has the deadline of the request until another one is set.
     line_with_deadline& line() noexcept { return line_; }
@@ -44,13 +44,13 @@ public:
 private:
     void refuse(int status, std::string why);
 
-    ise::loop& loop_;
+    loop& loop_;
     http_times times_;
     line_with_deadline line_;
     http_reader reader_;
     std::array<std::byte, 4096> buffer_;
-    ise::bytes_view rest_;
+    bytes_view rest_;
     std::optional<http_refusal> refused_;
 };
 
-} // namespace atirma
+} // namespace ise

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-namespace atirma {
+namespace ise {
 
 /// One HTTP message as it was read.
 struct http_message {
@@ -42,9 +42,9 @@ public:
 
     /// Takes bytes until one message is whole; says how many. The rest belongs to the next one: `take()`, then feed it.
     /// Errors: malformed, too_large (URL, head or body: the message says which). After an error it is of no more use.
-    ise::result<std::size_t> feed(ise::bytes_view in);
+    result<std::size_t> feed(bytes_view in);
     /// The stream has ended: completes an answer that has no length of its own. Error: malformed where it is cut off.
-    ise::result<void> end();
+    result<void> end();
 
     /// The status that answers a request after an error of `feed`: 400, 413, 414 or 431.
     int refusal() const noexcept;
@@ -60,4 +60,4 @@ private:
     std::unique_ptr<parser> parser_;
 };
 
-} // namespace atirma
+} // namespace ise
