@@ -21,9 +21,10 @@ public:
 
     /// As stream. Cancellation: terminal.
     task<transfer> read_some(asio::mutable_buffer into);
-    /// Writes all of it; `content` stays valid as long. Cancellation: terminal, part of it may have gone.
+    /// Writes all of it; `content` stays valid as long. Errors: those of the stream, timed_out. Cancellation: terminal,
+    /// part of it may have gone.
     task<std::error_code> write_all(std::string_view content);
-    /// The same of several pieces, one after the other.
+    /// The same of several pieces, one after the other; errors and cancellation as above.
     task<std::error_code> write_all(std::vector<std::string_view> pieces);
 
     /// Reads until the other side closes, the deadline, or `most` bytes, and keeps nothing: whoever closes on bytes

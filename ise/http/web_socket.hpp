@@ -61,7 +61,7 @@ public:
     const std::string& cause() const noexcept { return cause_; }
     const web_socket_counts& counts() const noexcept { return counts_; }
 
-    /// The writing half: sends until the connection is over. Started once, by the server.
+    /// The writing half: sends until the connection is over. Started once, by the server. Cancellation: terminal.
     static task<> write(std::shared_ptr<web_socket> self);
 
 private:

@@ -1,4 +1,3 @@
-// link: atirma_http
 // Any bytes as what a client sends to the HTTP server, on the virtual network. The input is a list of records: a
 // length (one byte) and so many bytes; length 0 lets five seconds pass. Every connection ends, and what it was answered
 // is HTTP.

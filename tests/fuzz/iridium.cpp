@@ -1,4 +1,4 @@
-// link: atirma_iridium atirma_http
+// link: atirma_iridium
 // What the world sends to the Iridium components: DirectIP, RockBLOCK's posts and answers, tokens, AT lines, HTTP. What
 // is accepted must survive a round trip.
 #include <components/iridium/bundle.hpp>
