@@ -107,21 +107,21 @@ private:
     finding told_as_finding(const std::vector<handler_key>& way) const {
         finding made;
         made.kind = "call_cycle";
-        made.component = std::ranges::min(way, {}, [](const handler_key& one) {
-                             return one.at->name.path;
-                         }).at->name.path;
+        made.component =
+            std::ranges::min(way, {}, [](const handler_key& one) { return one.at->name.path; }).at->name.path;
         made.message = "calls wait for one another in a cycle, and none of them can go on:\n";
         for (const auto& one : way) {
             const auto& wait = *next_of(one);
-            made.message += fmt::format(
-                "  the handler of '{}' at {}{} waits for '{}' of {} ({}){}\n", one.service, one.at->name.path,
-                wait.call->where.empty() ? "" : fmt::format(", {},", wait.call->where), wait.call->service,
-                wait.provider->name.path, show_duration(wait.call->waited),
-                wait.queued ? ", where all handlers are busy" : "");
+            made.message +=
+                fmt::format("  the handler of '{}' at {}{} waits for '{}' of {} ({}){}\n", one.service,
+                            one.at->name.path, wait.call->where.empty() ? "" : fmt::format(", {},", wait.call->where),
+                            wait.call->service, wait.provider->name.path, show_duration(wait.call->waited),
+                            wait.queued ? ", where all handlers are busy" : "");
         }
-        made.advice = "end the cycle: let one of these handlers answer before it calls the other, or provide its service by "
-                      "`provide`, which runs several at once, in place of `provide_exclusive`; until then the calls end "
-                      "by their deadlines";
+        made.advice =
+            "end the cycle: let one of these handlers answer before it calls the other, or provide its service by "
+            "`provide`, which runs several at once, in place of `provide_exclusive`; until then the calls end "
+            "by their deadlines";
         return made;
     }
 

@@ -146,8 +146,9 @@ TEST_CASE("spans are posted to a collector, and dropped and counted where it is 
     std::promise<ise::endpoint> listening;
     std::promise<std::string> posted;
     collecting.start("", [&](ise::component& self) -> task<> {
-        ise::http_server collector(self.on(), self.log(), ise::http_limits(),
-                                [&](std::string name, task<> body) { self.spawn(std::move(name), std::move(body)); });
+        ise::http_server collector(self.on(), self.log(), ise::http_limits(), [&](std::string name, task<> body) {
+            self.spawn(std::move(name), std::move(body));
+        });
         bool first = true;
         collector.otherwise([&](const ise::http_request& asked) {
             if (std::exchange(first, false)) posted.set_value(asked.path + "\n" + asked.message.body);
