@@ -8,6 +8,7 @@
 
 #include <support/catch.hpp>
 
+#include <atomic>
 #include <future>
 #include <source_location>
 
@@ -103,19 +104,21 @@ TEST_CASE("a request that waits for a busy handler closes the cycle, and what on
     CHECK(found[0].kind == "call_cycle");
     CHECK(found[0].component == "a");
     CHECK(found[0].severity == severity_level::error);
-    CHECK_THAT(found[0].message, Contains("the handler of 'ask' at a, a.cpp:7, waits for 'tell' of b (1.00 s)\n"));
+    CHECK_THAT(found[0].message, Contains("the handler of 'ask' at a, a.cpp:7, waits for 'tell' of b (1 s)\n"));
     CHECK_THAT(
         found[0].message,
-        Contains("the handler of 'tell' at b, b.cpp:7, waits for 'ask' of a (1.00 s), where all handlers are busy"));
+        Contains("the handler of 'tell' at b, b.cpp:7, waits for 'ask' of a (1 s), where all handlers are busy"));
     CHECK(found[0].message.find("of 'other'") == std::string::npos);
 }
 
 TEST_CASE("a cycle of exclusive handlers over tcp is named with components, services and lines, while it lasts") {
     ise::real_environment env;
-    ise::node first(env, without_names()), second(env, without_names()), third(env, without_names());
     std::promise<ise::endpoint> b_listens;
     auto b_at = b_listens.get_future().share();
     std::atomic<unsigned> a_line = 0, b_line = 0;
+    std::promise<finding> named;
+    // Last: handlers run until they have stopped.
+    ise::node first(env, without_names()), second(env, without_names()), third(env, without_names());
     auto& a = first.start(
         "sea/a",
         [&](ise::component& self) -> task<> {
@@ -145,7 +148,6 @@ TEST_CASE("a cycle of exclusive handlers over tcp is named with components, serv
         on_loopback());
     b_listens.set_value(b.services().listening().front());
 
-    std::promise<finding> named;
     third.start("", [&](ise::component& self) -> task<> {
         auto to_a = self.at(a_at), to_b = self.at(b_at.get());
         self.spawn("call", [](ise::remote to) -> task<> { (void)co_await to.try_call(ask, "x", 60s); }(to_a));
@@ -191,10 +193,10 @@ TEST_CASE("spans are drawn as a tree, whatever a file says") {
     REQUIRE(all.size() == 3);
     CHECK(spans_of_trace(all, "cd").empty());
     auto spans = spans_of_trace(all, "");
-    CHECK(draw_trace(spans) == "trace ab12, 1970-01-01T00:00:00Z, 3.00 us, 3 spans\n"
-                               "shore calls 'helm' of boat   at 0 s, 1.00 us\n"
-                               "└─ boat answers 'helm'   at 500 ns, 1.00 us: refused\n"
-                               "lost answers 'helm'   at 2.00 us, 1.00 us (what caused it is not in these files)\n");
+    CHECK(draw_trace(spans) == "trace ab12, 1970-01-01T00:00:00Z, 3 us, 3 spans\n"
+                               "shore calls 'helm' of boat   at 0 us, 1 us\n"
+                               "└─ boat answers 'helm'   at 0.5 us, 1 us: refused\n"
+                               "lost answers 'helm'   at 2 us, 1 us (what caused it is not in these files)\n");
     for (auto wrong : {"{}\n", "x\n",
                        R"({"resourceSpans":[{"scopeSpans":[{"spans":[{}]}]}]})"
                        "\n"}) {
