@@ -38,7 +38,10 @@ task<> trace(context& in, trace_options options) {
                       options.id.empty() ? "there are no spans in these files"
                                          : fmt::format("no trace begins with '{}'", printable(options.id)),
                       "spans are written once a second, and when a program ends");
-    co_await in.out.write(in.self, in.set.json ? json_line(spans) : draw_trace(spans));
+    std::string drawn;
+    if (in.set.json) drawn = json_line(spans);
+    else drawn = draw_trace(spans);
+    co_await in.out.write(in.self, std::move(drawn));
 }
 
 void declare_trace(CLI::App& app, parsed_command& made) {

@@ -465,7 +465,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     std::map<std::string, std::unique_ptr<event_path>, std::less<>> channels;
     handler fallback;
     std::unique_ptr<net::fair_places> places; // of the listener; made once, connections hold them
-    std::shared_ptr<listener> listener;
+    std::shared_ptr<ise::listener> listener;
     std::set<ise::stream*> open;
     std::size_t turned_away = 0;
     http_statistics statistics;

@@ -37,12 +37,12 @@ task<std::error_code> line_with_deadline::write_all(std::vector<std::string_view
     for (std::span<asio::const_buffer> rest = left; !rest.empty();) {
         if (late_) co_return asio::error::timed_out;
         auto moved = line_->try_write(rest);
-        auto bytes = moved.bytes;
-        while (!rest.empty() && bytes >= rest.front().size()) {
-            bytes -= rest.front().size();
+        auto sent = moved.bytes;
+        while (!rest.empty() && sent >= rest.front().size()) {
+            sent -= rest.front().size();
             rest = rest.subspan(1);
         }
-        if (!rest.empty()) rest.front() += bytes;
+        if (!rest.empty()) rest.front() += sent;
         if (moved.problem == asio::error::would_block) {
             auto problem = co_await line_->wait_writable();
             if (late_) co_return asio::error::timed_out;

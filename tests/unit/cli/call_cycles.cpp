@@ -151,12 +151,13 @@ TEST_CASE("a cycle of exclusive handlers over tcp is named with components, serv
     third.start("", [&](ise::component& self) -> task<> {
         auto to_a = self.at(a_at), to_b = self.at(b_at.get());
         self.spawn("call", [](ise::remote to) -> task<> { (void)co_await to.try_call(ask, "x", 60s); }(to_a));
+        const ise::describe_request how{};
         for (;;) { // until the calls are under way for long enough
             std::vector<surveyed> now(2);
             now[0].name.path = "sea/a";
             now[1].name.path = "sea/b";
-            now[0].about = co_await to_a.call(ise::describe_service, {}, 10s);
-            now[1].about = co_await to_b.call(ise::describe_service, {}, 10s);
+            now[0].about = co_await to_a.call(ise::describe_service, how, 10s);
+            now[1].about = co_await to_b.call(ise::describe_service, how, 10s);
             auto found = examine_calls(now);
             if (!found.empty()) {
                 named.set_value(found.front());
