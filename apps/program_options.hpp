@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/component/node_options.hpp>
 #include <ise/core/log.hpp>
 #include <ise/core/readable.hpp>
 #include <ise/transport/security.hpp>
@@ -39,6 +40,22 @@ inline void add_audit(CLI::App& app, ise::security_options& given) {
     app.add_option("--audit", given.audit_file,
                    "a file that gets a line of JSON for each refusal and each change allowed (default: $ISE_AUDIT)")
         ->type_name("FILE");
+}
+
+/// --metrics, --traces and --trace-rate, for programs that run as long as the system. `given` outlives the parse.
+inline void add_observing(CLI::App& app, ise::node_options& given) {
+    app.add_option("--metrics", given.metrics,
+                   "serve metrics to Prometheus there: a port of the loopback interface, or an address with a port "
+                   "(default: $ISE_METRICS, else none)")
+        ->type_name("ADDRESS");
+    app.add_option("--traces", given.traces,
+                   "a file, or the http URL of a collector, that gets spans of calls as OTLP/JSON (default: "
+                   "$ISE_TRACES, else none)")
+        ->type_name("TARGET");
+    app.add_option("--trace-rate", given.trace_rate,
+                   "share of the traces begun here that are kept (default: $ISE_TRACE_RATE, else 1)")
+        ->check(CLI::Range(0.0, 1.0))
+        ->type_name("SHARE");
 }
 
 /// --log-level. `level` outlives the parse.

@@ -12,9 +12,9 @@ struct owning : Interface {
     Client client;
 };
 
-struct owning_http final : owning<http_client, curl_http_client> {
+struct owning_http final : owning<ise::http_client, curl_http_client> {
     using owning::owning;
-    ise::task<ise::result<http_answer>> exchange(http_exchange what, ise::duration within) override {
+    ise::task<ise::result<ise::http_answer>> exchange(ise::http_exchange what, ise::duration within) override {
         return client.exchange(std::move(what), within);
     }
 };
@@ -33,7 +33,7 @@ struct owning_sender final : owning<mail_sender, smtp_sender> {
 
 } // namespace
 
-std::unique_ptr<http_client> make_curl_http_client(ise::loop& on, curl_http_options options) {
+std::unique_ptr<ise::http_client> make_curl_http_client(ise::loop& on, curl_http_options options) {
     return std::make_unique<owning_http>(on, std::move(options));
 }
 

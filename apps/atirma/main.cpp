@@ -29,6 +29,7 @@ namespace {
 struct common_options {
     std::string name_server;
     ise::security_options security;
+    ise::node_options node; ///< metrics and traces
     ise::log_level level = ise::log_level::info;
 };
 
@@ -36,13 +37,14 @@ void add_common(CLI::App& to, common_options& options) {
     to.add_option("--name-server", options.name_server, "its endpoint (default: ISE_NAME_SERVER, else this machine)");
     add_credentials(to, options.security);
     add_audit(to, options.security);
+    add_observing(to, options.node);
     to.add_flag("--demand-credentials", options.security.demanded,
                 "refuse to listen beyond this host, except with a key or on tls://");
     add_log_level(to, options.level);
 }
 
 ise::node_options node_options_of(const common_options& options) {
-    ise::node_options made;
+    auto made = options.node;
     made.name = "atirma";
     made.log = ise::log_to_stderr(options.level);
     made.security = options.security;

@@ -74,9 +74,9 @@ struct curl_mail final : on_curl<atirma::mail_sender, atirma::smtp_sender> {
     using on_curl::on_curl;
     ise::task<ise::result<void>> send(atirma::mail_message what) override { return client.send(std::move(what)); }
 };
-struct curl_hook final : on_curl<atirma::http_client, atirma::curl_http_client> {
+struct curl_hook final : on_curl<ise::http_client, atirma::curl_http_client> {
     using on_curl::on_curl;
-    ise::task<ise::result<atirma::http_answer>> exchange(atirma::http_exchange what, ise::duration within) override {
+    ise::task<ise::result<ise::http_answer>> exchange(ise::http_exchange what, ise::duration within) override {
         return client.exchange(std::move(what), within);
     }
 };
@@ -89,7 +89,7 @@ void set_outlets(atirma::console::alarm_outlet_options& to, const arguments& giv
                                                    : severity::critical;
     if (!given.alarm_hook.empty()) {
         to.hook_url = given.alarm_hook;
-        to.make_http_client = [](ise::loop& on) -> std::unique_ptr<atirma::http_client> {
+        to.make_http_client = [](ise::loop& on) -> std::unique_ptr<ise::http_client> {
             return std::make_unique<curl_hook>(on, atirma::curl_http_options());
         };
     }

@@ -32,6 +32,7 @@ struct settings {
     std::string name_server;
     std::vector<std::string> listen, advertise, addresses, hosts, paths;
     ise::security_options security;
+    ise::node_options node; ///< metrics and traces
     ise::log_level log_level = ise::log_level::info;
     std::size_t instances = 64;
     double grace_s = 5;
@@ -124,7 +125,7 @@ int run(const settings& wanted) {
     host.programs(programs).value();
     host.take_folder(folder).value();
 
-    ise::node_options node_options;
+    auto node_options = wanted.node;
     node_options.name = "instantiation_server";
     node_options.name_servers = options.name_servers;
     node_options.security = std::move(security);
@@ -195,6 +196,7 @@ int main(int argc, char** argv) {
                  "its components continue when it ends, and the next server takes them over");
     add_credentials(app, wanted.security);
     add_audit(app, wanted.security);
+    add_observing(app, wanted.node);
     add_log_level(app, wanted.log_level);
     app.set_version_flag("--version", "ise_instantiation_server " ISE_VERSION);
     app.footer(

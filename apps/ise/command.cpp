@@ -142,6 +142,7 @@ exit_code run(const parsed_command& what) {
         options.name = "ise";
         options.name_servers = name_servers_of(set, env);
         options.security = set.security;
+        options.metrics = "none"; // ISE_METRICS means those that run
         options.grace = std::chrono::milliseconds(500);
         options.log = set.verbose ? log_to_stderr(log_level::debug) : log_sink();
         component_options mine;

@@ -21,7 +21,7 @@ extern const command list_command, describe_command, call_command, echo_command,
     validate_command, param_command, doctor_command, graph_command, top_command, ping_command, bench_command,
     bw_command, delay_command, tree_command, services_command, types_command, type_command, completion_command,
     version_command, pub_command, mock_command, run_command, access_command, keys_command, record_command, bag_command,
-    play_command;
+    play_command, trace_command;
 
 namespace {
 
@@ -32,7 +32,7 @@ constexpr const command* all_commands[] = {
     &top_command,      &ping_command,     &bench_command,    &bw_command,         &delay_command,   &tree_command,
     &services_command, &types_command,    &type_command,     &completion_command, &version_command, &pub_command,
     &mock_command,     &run_command,      &access_command,   &keys_command,       &record_command,  &bag_command,
-    &play_command};
+    &play_command,     &trace_command};
 
 constexpr const char* exit_codes = R"(Exit codes:
   0    the answer is complete; also when Ctrl-C ended echo, hz, bw, delay, top, pub or mock, or a reader such as head ended

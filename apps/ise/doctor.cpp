@@ -1,4 +1,5 @@
 // ise doctor: what is wrong with the system, and what to do about it.
+#include "call_cycles.hpp"
 #include "findings.hpp"
 #include "hosts.hpp"
 #include "json.hpp"
@@ -136,6 +137,8 @@ task<> doctor(context& in, doctor_options options) {
         in.until = saturating_add(in.self.now(), in.set.timeout);
         now = co_await survey(in, what);
         found = examine(before, now, options.interval, in.self.env().identity().host_name);
+        auto cycles = examine_calls(now);
+        found.insert(found.end(), cycles.begin(), cycles.end());
         auto lost = co_await examine_lost_servers(in);
         found.insert(found.end(), lost.begin(), lost.end());
         auto ended = co_await examine_instances(in);

@@ -51,6 +51,7 @@ task<> play(context& in, play_options options) {
     of.name = "ise play";
     of.name_servers = name_servers_of(in.set, in.self.env());
     of.security = in.set.security;
+    of.metrics = "none";
     of.log = in.set.verbose ? log_to_stderr(log_level::debug) : log_sink();
     auto& env = in.self.env();
     auto begin = [on, of, &env, &options] {

@@ -29,6 +29,7 @@ struct settings {
     std::string store, store_user, store_password_file;
     std::string lease = "2s";
     ise::security_options security;
+    ise::node_options node; ///< metrics and traces
     ise::log_level log_level = ise::log_level::info;
     bool fresh = false;
 };
@@ -115,7 +116,7 @@ int run(const settings& wanted, ise::duration lease) {
     }
 
     ise::real_environment env;
-    ise::node_options options;
+    auto options = wanted.node;
     options.name = "name_server";
     options.use_names = false; // it needs nobody to be found
     options.security = wanted.security;
@@ -180,6 +181,7 @@ int main(int argc, char** argv) {
         ->capture_default_str();
     add_credentials(app, wanted.security);
     add_audit(app, wanted.security);
+    add_observing(app, wanted.node);
     app.add_flag("--demand-credentials", wanted.security.demanded,
                  "refuse to listen beyond this host, except with a key or on tls://");
     add_log_level(app, wanted.log_level);

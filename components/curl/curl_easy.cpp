@@ -1,7 +1,7 @@
 // environment-boundary: libcurl owns its sockets
 #include <components/curl/curl_easy.hpp>
 
-#include <ise/component/url.hpp>
+#include <ise/core/url.hpp>
 
 #include <fmt/format.h>
 

@@ -22,7 +22,7 @@ bool is_value(std::string_view text) {
 }
 
 /// What no request may be made of.
-std::optional<std::string> objection(const http_exchange& what) {
+std::optional<std::string> objection(const ise::http_exchange& what) {
     if (!is_token(what.method)) return "its method is none";
     for (char c : what.url)
         if (c <= ' ' || c > '~') return "its URL has characters that must be escaped (%20)";
@@ -60,7 +60,7 @@ std::vector<std::pair<std::string, std::string>> headers_in(std::string_view lin
 
 } // namespace
 
-ise::task<ise::result<http_answer>> curl_http_client::exchange(http_exchange what, ise::duration within) {
+ise::task<ise::result<ise::http_answer>> curl_http_client::exchange(ise::http_exchange what, ise::duration within) {
     if (auto why = objection(what))
         co_return ise::failure(ise::errc::invalid_argument, "a request that cannot be sent: " + *why);
     curl_easy transfer(what.url, "http,https", options_.ca_file);
@@ -87,7 +87,7 @@ ise::task<ise::result<http_answer>> curl_http_client::exchange(http_exchange wha
     if (!transfer.header.ends_with("\r\n\r\n") && !transfer.header.ends_with("\n\n"))
         co_return ise::failure(ise::errc::peer_lost, transfer.server() + ": the server went away in its answer",
                                ise::execution::unknown);
-    http_answer answer;
+    ise::http_answer answer;
     answer.status = static_cast<int>(transfer.number(CURLINFO_RESPONSE_CODE));
     answer.headers = headers_in(transfer.header);
     answer.body = std::move(transfer.body);

@@ -1,6 +1,6 @@
 #pragma once
 #include <components/curl/curl_transfers.hpp>
-#include <components/http/http_client.hpp>
+#include <ise/http/http_client.hpp>
 
 namespace atirma {
 
@@ -11,12 +11,12 @@ struct curl_http_options {
 
 /// HTTP and HTTPS by libcurl. Redirections are answers like others; each exchange has a connection of its own, so that
 /// no request is ever sent twice. Certificates are always verified. Lifetime: `on` outlives it.
-class curl_http_client final : public http_client {
+class curl_http_client final : public ise::http_client {
 public:
     explicit curl_http_client(curl_transfers& on, curl_http_options options = curl_http_options())
         : on_(on), options_(std::move(options)) {}
 
-    ise::task<ise::result<http_answer>> exchange(http_exchange what, ise::duration within) override;
+    ise::task<ise::result<ise::http_answer>> exchange(ise::http_exchange what, ise::duration within) override;
 
 private:
     curl_transfers& on_;

@@ -1,6 +1,6 @@
 #include <components/foxglove_gateway/foxglove_gateway.hpp>
 
-#include <components/http/http_server.hpp>
+#include <ise/http/http_server.hpp>
 
 #include <ise/bag/protobuf.hpp>
 #include <ise/component/discover.hpp>
@@ -116,7 +116,7 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
 
     component& self;
     const gateway_options& options;
-    std::unique_ptr<atirma::http_server> server;
+    std::unique_ptr<ise::http_server> server;
     std::string session;
     std::map<std::string, known> components; // by path
     std::map<std::uint32_t, channel*> channels;
@@ -126,7 +126,7 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
     std::shared_ptr<const std::string> all_channels, all_services; // as advertised; null: to be made
     struct connection {
         std::shared_ptr<viewer> who;
-        std::weak_ptr<atirma::web_socket> over;
+        std::weak_ptr<ise::web_socket> over;
         std::string peer;
         time_point told_at{};
     };
@@ -434,7 +434,7 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
         return made;
     }
 
-    atirma::http_response admit(const atirma::http_request& asked) {
+    ise::http_response admit(const ise::http_request& asked) {
         auto origin = std::string(asked.message.header("origin"));
         if (!is_allowed_origin(origin, options.origins)) {
             ++counts.refused;
@@ -446,21 +446,21 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
             note(fmt::format("{} viewers are connected: another one is refused (max-viewers)", viewers.size()));
             return refusal(503, "Too many viewers are connected (max-viewers). Try again later.");
         }
-        auto talking = [me = shared_from_this(), peer = asked.peer](std::shared_ptr<atirma::web_socket> over) {
+        auto talking = [me = shared_from_this(), peer = asked.peer](std::shared_ptr<ise::web_socket> over) {
             return talk(me, std::move(over), peer);
         };
-        auto made = atirma::accept_web_socket(asked, {std::begin(subprotocols), std::end(subprotocols)}, talking);
+        auto made = ise::accept_web_socket(asked, {std::begin(subprotocols), std::end(subprotocols)}, talking);
         if (made.status != 101) ++counts.refused;
         return made;
     }
-    static atirma::http_response refusal(int status, std::string why) {
-        atirma::http_response made;
+    static ise::http_response refusal(int status, std::string why) {
+        ise::http_response made;
         made.status = status;
         made.body = std::move(why) + "\n";
         return made;
     }
 
-    static task<> talk(std::shared_ptr<state> me, std::shared_ptr<atirma::web_socket> over, std::string peer) {
+    static task<> talk(std::shared_ptr<state> me, std::shared_ptr<ise::web_socket> over, std::string peer) {
         auto wake = [weak = std::weak_ptr(over)] {
             if (auto there = weak.lock()) there->wake();
         };
@@ -482,7 +482,7 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
         for (;;) {
             auto got = co_await over->next();
             if (!got) break;
-            const bool text = got->kind == atirma::web_socket_opcode::text;
+            const bool text = got->kind == ise::web_socket_opcode::text;
             auto read = text ? read_text(got->payload) : read_binary(got->payload);
             if (read) {
                 std::visit([&](auto& what) { me->take(who, what); }, *read);
@@ -530,8 +530,8 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
         auto over = found == viewers.end() ? nullptr : found->second.over.lock();
         if (!over || over->over()) return;
         ++counts.disconnected;
-        over->close(atirma::web_socket_code::policy, fmt::format("more than {} bytes were not read (max_control_bytes)",
-                                                                 who.limits().max_control_bytes));
+        over->close(ise::web_socket_code::policy, fmt::format("more than {} bytes were not read (max_control_bytes)",
+                                                              who.limits().max_control_bytes));
     }
 
     static void refuse(viewer& who, std::string_view why) { who.text(write_status(status_level::error, why)); }
@@ -978,14 +978,14 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
         endpoint at;
         at.host = address.to_string();
         at.port = options.port;
-        atirma::http_limits limits;
+        ise::http_limits limits;
         limits.max_connections = options.max_viewers + 16; // those that are being refused
         limits.message.max_body_bytes = 4096;
         server =
-            std::make_unique<atirma::http_server>(self.on(), self.log(), limits, [this](std::string name, task<> body) {
+            std::make_unique<ise::http_server>(self.on(), self.log(), limits, [this](std::string name, task<> body) {
                 self.spawn(std::move(name), std::move(body));
             });
-        server->get("/", [this](const atirma::http_request& asked) { return admit(asked); });
+        server->get("/", [this](const ise::http_request& asked) { return admit(asked); });
         if (auto listening = server->listen(at); !listening)
             throw error(listening.error().code(),
                         fmt::format("gateway: {} (--address {}, --port {})", listening.error().message(),

@@ -1,6 +1,6 @@
 #include <components/foxglove_gateway/viewer.hpp>
 
-#include <components/http/web_socket_frames.hpp>
+#include <ise/http/web_socket_frames.hpp>
 
 #include <fmt/format.h>
 
@@ -12,8 +12,6 @@ namespace {
 
 constexpr std::size_t batch_bytes = 64 * 1024;
 constexpr std::size_t message_overhead = 64; // of one that waits, beside its bytes
-
-using atirma::web_socket_opcode;
 
 } // namespace
 
@@ -110,10 +108,11 @@ void viewer::fill(std::string& to) {
         auto next = std::move(control_.front());
         control_.pop_front();
         control_bytes_ -= next.counted;
-        append_frame(to, next.is_text ? web_socket_opcode::text : web_socket_opcode::binary, *next.content);
+        ise::append_frame(to, next.is_text ? ise::web_socket_opcode::text : ise::web_socket_opcode::binary,
+                          *next.content);
     }
     if (!control_.empty()) return; // messages may belong to a channel that is still to be advertised
-    if (time_) append_frame(to, web_socket_opcode::binary, *std::exchange(time_, std::nullopt));
+    if (time_) ise::append_frame(to, ise::web_socket_opcode::binary, *std::exchange(time_, std::nullopt));
     while (!ready_.empty() && to.size() < enough) {
         auto& from = *ready_.front();
         ready_.pop_front();
@@ -121,7 +120,7 @@ void viewer::fill(std::string& to) {
         from.waiting.pop_front();
         waiting_bytes_ -= next->payload.size() + message_overhead;
         auto head = write_message_head(from.id, next->at);
-        atirma::append_frame_head(to, web_socket_opcode::binary, head.size() + next->payload.size());
+        ise::append_frame_head(to, ise::web_socket_opcode::binary, head.size() + next->payload.size());
         to += head;
         to += next->payload;
         ++sent_;

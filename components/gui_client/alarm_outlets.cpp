@@ -123,7 +123,7 @@ ise::task<ise::result<void>> alarm_outlets::post(alarm_event event) {
     body.severity = std::string(name_of(event.how));
     body.key = event.key;
     body.text = event.text;
-    http_exchange what;
+    ise::http_exchange what;
     what.method = "POST";
     what.url = options_.hook_url;
     what.headers.emplace_back("content-type", "application/json");

@@ -1,7 +1,7 @@
 #pragma once
 #include <components/gui_client/client_context.hpp>
-#include <components/http/http_client.hpp>
 #include <components/mail/mail.hpp>
+#include <ise/http/http_client.hpp>
 
 #include <deque>
 #include <functional>
@@ -18,7 +18,7 @@ struct alarm_outlet_options {
     std::function<std::unique_ptr<mail_sender>(ise::loop&)> make_mail_sender; ///< empty: no mail
     std::string mail_from;
     std::vector<std::string> mail_to;
-    std::function<std::unique_ptr<http_client>(ise::loop&)> make_http_client; ///< empty: no web hook
+    std::function<std::unique_ptr<ise::http_client>(ise::loop&)> make_http_client; ///< empty: no web hook
     std::string hook_url;
 };
 
@@ -50,7 +50,7 @@ private:
     alarm_outlet_options options_;
     outlet mail_{"outlet:mail", "mail", {}}, hook_{"outlet:hook", "web hook", {}};
     std::unique_ptr<mail_sender> sender_;
-    std::unique_ptr<http_client> client_;
+    std::unique_ptr<ise::http_client> client_;
 };
 
 } // namespace atirma::console

@@ -1,7 +1,7 @@
 #include <components/iridium/directip_exchange.hpp>
 
-#include <components/http/line_with_deadline.hpp>
 #include <components/iridium/directip.hpp>
+#include <ise/http/line_with_deadline.hpp>
 
 #include <ise/net/connect.hpp>
 
@@ -15,7 +15,7 @@ namespace atirma::iridium {
 namespace {
 
 /// One whole message, never more than it says it is.
-ise::task<ise::result<ise::bytes>> read_message(line_with_deadline& from) {
+ise::task<ise::result<ise::bytes>> read_message(ise::line_with_deadline& from) {
     ise::bytes whole;
     std::array<std::byte, 2048> buffer;
     for (;;) {
@@ -42,7 +42,7 @@ ise::task<ise::result<ise::bytes>> ask_directip(ise::loop& on, ise::endpoint to,
     auto where = to.text();
     auto connected = co_await ise::net::connect_until(on, std::move(to), deadline);
     if (!connected) co_return ise::failure(ise::errc::unreachable, connected.error().message());
-    line_with_deadline line(on, std::move(*connected));
+    ise::line_with_deadline line(on, std::move(*connected));
     line.until(deadline);
     auto unsent = co_await line.write_all(ise::as_text(message));
     if (unsent)
@@ -78,7 +78,7 @@ void directip_server::take(ise::net::admitted who) {
 
 ise::task<> directip_server::serve(ise::net::admitted who) {
     auto peer = who.line->peer();
-    line_with_deadline line(loop_, std::move(who.line));
+    ise::line_with_deadline line(loop_, std::move(who.line));
     line.until(ise::saturating_add(loop_.now(), limits_.message_time));
     auto message = co_await read_message(line);
     if (!message) {

@@ -1,9 +1,9 @@
 #include <components/iridium_gateway/iridium_gateway.hpp>
 
-#include <components/http/stream_http_client.hpp>
 #include <components/iridium/directip.hpp>
 #include <components/iridium/jwt.hpp>
 #include <components/iridium_mail/mail_format.hpp>
+#include <ise/http/stream_http_client.hpp>
 
 #include <fmt/format.h>
 
@@ -22,8 +22,8 @@ double in_range(const char* what, double value, double low, double high) {
     throw ise::error(ise::errc::refused, fmt::format("{} is {:g} to {:g}, not {:g}", what, low, high, value));
 }
 
-http_response answer(int status, std::string body) {
-    http_response made;
+ise::http_response answer(int status, std::string body) {
+    ise::http_response made;
     made.status = status;
     made.body = std::move(body);
     return made;
@@ -36,10 +36,10 @@ struct iridium_gateway::state {
 
     gateway_model model;
     ise::timer due;
-    std::unique_ptr<http_client> http;
+    std::unique_ptr<ise::http_client> http;
     std::unique_ptr<mail_sender> sender;
     std::unique_ptr<mailbox> mails;
-    std::unique_ptr<http_server> submissions;
+    std::unique_ptr<ise::http_server> submissions;
     std::unique_ptr<iridium::directip_server> directip;
     std::string private_key;
     ise::publication<ise::subscription<sbd_ring_alert>> rings;
@@ -68,7 +68,7 @@ ise::task<> iridium_gateway::run() {
     state_ = std::make_unique<state>(*this, std::move(model));
     auto& s = *state_;
     if (options_.make_http_client) s.http = options_.make_http_client(on());
-    else s.http = std::make_unique<stream_http_client>(on());
+    else s.http = std::make_unique<ise::stream_http_client>(on());
     if (!options_.mail_to.empty() || options_.open_mailbox) {
         if (!options_.make_mail_sender)
             throw ise::error(ise::errc::invalid_argument, "for mails a mail server is needed");
@@ -101,8 +101,8 @@ void iridium_gateway::open_doors() {
     auto& s = *state_;
     auto spawner = [this](std::string name, ise::task<> body) { spawn(std::move(name), std::move(body)); };
     if (!options_.listen.empty()) {
-        s.submissions = std::make_unique<http_server>(on(), log(), http_limits(), spawner);
-        s.submissions->otherwise([this](const http_request& request) { return on_submission(request); });
+        s.submissions = std::make_unique<ise::http_server>(on(), log(), ise::http_limits(), spawner);
+        s.submissions->otherwise([this](const ise::http_request& request) { return on_submission(request); });
         s.submissions->listen(ise::endpoint::parse(options_.listen).value()).value();
         log().info("messages to modems may be submitted here",
                    {{"url", fmt::format("{}{}", s.submissions->where().text(), submit_path)}});
@@ -142,7 +142,7 @@ sbd_session_reply iridium_gateway::session(const sbd_session_request& request) {
     return std::move(*reply);
 }
 
-http_response iridium_gateway::on_submission(const http_request& request) {
+ise::http_response iridium_gateway::on_submission(const ise::http_request& request) {
     auto& s = *state_;
     if (!s.model.told.up) return answer(503, "the gateway is switched off\n");
     if (request.path != submit_path) return answer(404, fmt::format("submit to {}\n", submit_path));
@@ -256,7 +256,7 @@ ise::task<std::string> iridium_gateway::post(iridium::mo_message message) {
     delivery.message = message;
     delivery.serial = 1;
     delivery.device_type = "ROCKBLOCK";
-    http_exchange request;
+    ise::http_exchange request;
     request.method = "POST";
     request.url = options_.post_to;
     auto encode = options_.post_json ? iridium::encode_mo_json : iridium::encode_mo_form;

@@ -1,9 +1,9 @@
 #pragma once
-#include <components/http/http_client.hpp>
-#include <components/http/http_server.hpp>
 #include <components/iridium/directip_exchange.hpp>
 #include <components/iridium_gateway/gateway_model.hpp>
 #include <components/mail/mail.hpp>
+#include <ise/http/http_client.hpp>
+#include <ise/http/http_server.hpp>
 
 #include <ise/component/component.hpp>
 
@@ -26,7 +26,7 @@ struct iridium_gateway_options {
     std::string sign_with;   ///< a private key (PEM file) for the tokens of posts; empty: none
     std::string directip_to; ///< "tcp://127.0.0.1:10800"
     std::string mail_to;     ///< needs `make_mail_sender`
-    std::function<std::unique_ptr<http_client>(ise::loop&)> make_http_client; ///< empty: stream_http_client
+    std::function<std::unique_ptr<ise::http_client>(ise::loop&)> make_http_client; ///< empty: stream_http_client
     std::function<std::unique_ptr<mail_sender>(ise::loop&)> make_mail_sender;
 
     // MT messages come through these.
@@ -57,7 +57,7 @@ private:
     void open_doors();
     iridium_gateway_state control(const iridium_gateway_request& request);
     sbd_session_reply session(const sbd_session_request& request);
-    http_response on_submission(const http_request& request);
+    ise::http_response on_submission(const ise::http_request& request);
     ise::bytes on_directip(ise::bytes_view message);
     ise::task<> read_mails();
     ise::task<> answer_mail(mail_message mail);

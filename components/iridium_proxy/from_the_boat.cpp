@@ -13,8 +13,8 @@ namespace {
 using namespace std::chrono_literals;
 constexpr std::size_t mails_at_once = 16;
 
-http_response answer(int status, std::string body) {
-    http_response made;
+ise::http_response answer(int status, std::string body) {
+    ise::http_response made;
     made.status = status;
     made.body = std::move(body) + "\n";
     return made;
@@ -40,7 +40,7 @@ void iridium_proxy::refuse(std::string_view what, const std::string& peer, const
         log().warning(what, {{"peer", peer}, {"cause", why}, {"left_out", std::to_string(*left_out)}});
 }
 
-http_response iridium_proxy::on_post(const http_request& request) {
+ise::http_response iridium_proxy::on_post(const ise::http_request& request) {
     auto refused = [&](int status, const std::string& why) {
         refuse(fmt::format("a post is refused ({})", status), request.peer, why);
         return answer(status, why);

@@ -2,8 +2,8 @@
 
 #include <components/boat/find_component.hpp>
 #include <components/boat/remote_telemetry_store.hpp>
-#include <components/http/stream_http_client.hpp>
 #include <components/iridium_proxy/proxy_state.hpp>
+#include <ise/http/stream_http_client.hpp>
 
 #include <asio/error.hpp>
 #include <fmt/format.h>
@@ -83,9 +83,9 @@ std::unique_ptr<mt_path> iridium_proxy::make_path() {
         throw wrong(fmt::format("--send-by is http, directip, mail or none, not '{}'", options_.send_by));
     auto account = options_.rockblock;
     if (account.password.empty()) account.password = env().variable("ATIRMA_ROCKBLOCK_PASSWORD").value_or("");
-    std::shared_ptr<http_client> client;
+    std::shared_ptr<ise::http_client> client;
     if (options_.make_http_client) client = options_.make_http_client(on());
-    else client = std::make_shared<stream_http_client>(on());
+    else client = std::make_shared<ise::stream_http_client>(on());
     return make_rockblock_path(std::move(client), std::move(account));
 }
 
@@ -163,8 +163,8 @@ void iridium_proxy::open_doors() {
     auto& s = *state_;
     auto spawner = [this](std::string name, ise::task<> body) { spawn(std::move(name), std::move(body)); };
     if (!options_.webhook.empty()) {
-        s.webhook = std::make_unique<http_server>(on(), log(), options_.http, spawner);
-        s.webhook->otherwise([this](const http_request& request) { return on_post(request); });
+        s.webhook = std::make_unique<ise::http_server>(on(), log(), options_.http, spawner);
+        s.webhook->otherwise([this](const ise::http_request& request) { return on_post(request); });
         s.webhook->listen(ise::endpoint::parse(options_.webhook).value()).value();
         log().info("the gateway may post here",
                    {{"url", fmt::format("{}{}", s.webhook->where().text(), options_.webhook_path)}});

@@ -1,13 +1,13 @@
 #pragma once
 #include <components/boat/telecommand_tracker.hpp>
 #include <components/boat/telemetry_store.hpp>
-#include <components/http/http_client.hpp>
-#include <components/http/http_server.hpp>
 #include <components/iridium/directip_exchange.hpp>
 #include <components/iridium/message.hpp>
 #include <components/iridium_proxy/mt_path.hpp>
 #include <components/iridium_proxy/services.hpp>
 #include <components/mail/mail.hpp>
+#include <ise/http/http_client.hpp>
+#include <ise/http/http_server.hpp>
 
 #include <ise/component/component.hpp>
 
@@ -32,7 +32,7 @@ struct iridium_proxy_options {
     /// Of the gateway, as iridium::address_list: at web hook and DirectIP connections from elsewhere are refused,
     /// unless these listen on loopback. Beyond it, DirectIP needs this list, and the web hook needs it or a key.
     std::string gateway_addresses;
-    http_limits http;
+    ise::http_limits http;
     std::string directip; ///< where the gateway's DirectIP connects: "tcp://0.0.0.0:10800"
     iridium::directip_limits directip_bounds;
     std::function<std::unique_ptr<mailbox>(ise::loop&)> open_mailbox; ///< where the gateway's mails arrive
@@ -45,7 +45,7 @@ struct iridium_proxy_options {
     std::string send_by = "http";
     rockblock_account rockblock; ///< an empty password: $ATIRMA_ROCKBLOCK_PASSWORD
     /// Empty: stream_http_client, without TLS.
-    std::function<std::unique_ptr<http_client>(ise::loop&)> make_http_client;
+    std::function<std::unique_ptr<ise::http_client>(ise::loop&)> make_http_client;
     std::string send_directip; ///< "tcp://host:port" of the gateway
     std::function<std::unique_ptr<mail_sender>(ise::loop&)> make_mail_sender;
     std::string mail_from;
@@ -87,7 +87,7 @@ private:
     void provide_all();
 
     // From the boat.
-    http_response on_post(const http_request& request);
+    ise::http_response on_post(const ise::http_request& request);
     ise::bytes on_directip(ise::bytes_view message, const std::string& peer);
     ise::task<> read_mails();
     ise::result<void> on_mail(const mail_message& mail);

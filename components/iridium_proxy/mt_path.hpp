@@ -1,7 +1,7 @@
 #pragma once
 #include <components/boat/telecommand_tracker.hpp>
-#include <components/http/http_client.hpp>
 #include <components/mail/mail.hpp>
+#include <ise/http/http_client.hpp>
 
 #include <ise/core/endpoint.hpp>
 #include <ise/core/loop.hpp>
@@ -35,7 +35,7 @@ struct rockblock_account {
 };
 
 /// By RockBLOCK's web service.
-std::unique_ptr<mt_path> make_rockblock_path(std::shared_ptr<http_client> client, rockblock_account account);
+std::unique_ptr<mt_path> make_rockblock_path(std::shared_ptr<ise::http_client> client, rockblock_account account);
 /// By DirectIP.
 std::unique_ptr<mt_path> make_directip_path(ise::loop& on, ise::endpoint gateway);
 
@@ -45,6 +45,6 @@ std::unique_ptr<mt_path> make_mail_path(std::shared_ptr<mail_sender> sender, std
 std::optional<std::uint32_t> telecommand_of_attachment(std::string_view name);
 
 /// What RockBLOCK's answer says about a submission.
-link_outcome outcome_of_rockblock(const ise::result<http_answer>& answer);
+link_outcome outcome_of_rockblock(const ise::result<ise::http_answer>& answer);
 
 } // namespace atirma

@@ -3,7 +3,6 @@
 #include <components/boat/newest_by_kind.hpp>
 #include <components/boat/telecommand_service.hpp>
 #include <components/boat/telemetry_keeper.hpp>
-#include <components/http/http_server.hpp>
 #include <components/iridium/directip_exchange.hpp>
 #include <components/iridium/jwt.hpp>
 #include <components/iridium_proxy/mt_path.hpp>
@@ -12,6 +11,7 @@
 #include <components/iridium_proxy/services.hpp>
 #include <components/mail/mail.hpp>
 #include <components/seal_store/seal_store.hpp>
+#include <ise/http/http_server.hpp>
 
 #include <ise/component/component.hpp>
 #include <ise/core/log_limiter.hpp>
@@ -40,7 +40,7 @@ struct proxy_state {
     std::optional<iridium::jwt_key> key;
     iridium::address_list gateways;
     std::unique_ptr<mt_path> path;
-    std::unique_ptr<http_server> webhook;
+    std::unique_ptr<ise::http_server> webhook;
     std::unique_ptr<iridium::directip_server> directip;
     std::unique_ptr<mailbox> mails;
     ise::waiter<std::error_code> wake_sender;

@@ -11,7 +11,7 @@ constexpr ise::duration post_time = std::chrono::seconds(20);
 
 class rockblock_path final : public mt_path {
 public:
-    rockblock_path(std::shared_ptr<http_client> client, rockblock_account account)
+    rockblock_path(std::shared_ptr<ise::http_client> client, rockblock_account account)
         : client_(std::move(client)), account_(std::move(account)) {}
 
     ise::task<link_outcome> give(mt_message what) override {
@@ -20,7 +20,7 @@ public:
         submission.username = account_.username;
         submission.password = account_.password;
         submission.data = iridium::to_hex(what.raw);
-        http_exchange request;
+        ise::http_exchange request;
         request.method = "POST";
         request.url = account_.url;
         request.headers.emplace_back("Content-Type", "application/x-www-form-urlencoded");
@@ -32,13 +32,13 @@ public:
     std::string where() const override { return account_.url; }
 
 private:
-    std::shared_ptr<http_client> client_;
+    std::shared_ptr<ise::http_client> client_;
     rockblock_account account_;
 };
 
 } // namespace
 
-link_outcome outcome_of_rockblock(const ise::result<http_answer>& answer) {
+link_outcome outcome_of_rockblock(const ise::result<ise::http_answer>& answer) {
     using kind = link_outcome::kind;
     if (!answer) {
         auto code = answer.error().code();
@@ -62,7 +62,7 @@ link_outcome outcome_of_rockblock(const ise::result<http_answer>& answer) {
     return make_outcome(iridium::mt_failure_passes(reply->code) ? kind::later : kind::refused, std::move(text));
 }
 
-std::unique_ptr<mt_path> make_rockblock_path(std::shared_ptr<http_client> client, rockblock_account account) {
+std::unique_ptr<mt_path> make_rockblock_path(std::shared_ptr<ise::http_client> client, rockblock_account account) {
     return std::make_unique<rockblock_path>(std::move(client), std::move(account));
 }
 

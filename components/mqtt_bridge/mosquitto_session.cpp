@@ -1,9 +1,9 @@
 // environment-boundary: libmosquitto owns its socket
 #include <components/mqtt_bridge/broker_session.hpp>
 
-#include <ise/component/url.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/loop.hpp>
+#include <ise/core/url.hpp>
 #include <ise/core/waiter.hpp>
 
 #include <asio/error.hpp>

@@ -6,11 +6,11 @@
 #include <ise/bag/protobuf.hpp>
 #include <ise/component/discover.hpp>
 #include <ise/component/provide_dynamic.hpp>
-#include <ise/component/url.hpp>
 #include <ise/core/buffer.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/log_limiter.hpp>
 #include <ise/core/readable.hpp>
+#include <ise/core/url.hpp>
 #include <ise/core/waiter.hpp>
 #include <ise/service/action.hpp>
 #include <ise/service/dynamic.hpp>

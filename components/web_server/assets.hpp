@@ -1,11 +1,11 @@
 #pragma once
-#include <components/http/http_server.hpp>
+#include <ise/http/http_server.hpp>
 
 #include <span>
 
 namespace atirma {
 
 /// The tracking page: our files and Leaflet. "/" is index.html.
-std::span<const static_file> page_assets() noexcept;
+std::span<const ise::static_file> page_assets() noexcept;
 
 } // namespace atirma

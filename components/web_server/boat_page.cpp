@@ -67,8 +67,8 @@ void boat_page::follow() {
     }
 }
 
-void boat_page::offer(http_server& server, bool first, const page_extras& extras,
-                      std::vector<std::pair<std::string, sse_channel*>>& streams) {
+void boat_page::offer(ise::http_server& server, bool first, const page_extras& extras,
+                      std::vector<std::pair<std::string, ise::sse_channel*>>& streams) {
     auto under = [&](const std::string& prefix) {
         auto path = prefix + "/events";
         streams_.push_back(
@@ -84,7 +84,7 @@ void boat_page::offer(http_server& server, bool first, const page_extras& extras
     if (first) under("");
 }
 
-void boat_page::publish(const sse_event& event) {
+void boat_page::publish(const ise::sse_event& event) {
     ++events_;
     for (auto* stream : streams_) stream->publish(event);
 }

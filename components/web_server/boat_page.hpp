@@ -1,10 +1,10 @@
 #pragma once
 #include <components/boat/telemetry_follower.hpp>
-#include <components/http/http_server.hpp>
 #include <components/web_server/boat_source.hpp>
 #include <components/web_server/page_data.hpp>
 #include <components/web_server/telemetry_feed.hpp>
 #include <components/web_server/track_archive.hpp>
+#include <ise/http/http_server.hpp>
 
 #include <ise/component/component.hpp>
 
@@ -28,12 +28,12 @@ public:
     void follow();
     /// Its address, data, streams and downloads; `first`: also under the addresses without a boat. Adds its streams to
     /// `streams`.
-    void offer(http_server& server, bool first, const page_extras& extras,
-               std::vector<std::pair<std::string, sse_channel*>>& streams);
+    void offer(ise::http_server& server, bool first, const page_extras& extras,
+               std::vector<std::pair<std::string, ise::sse_channel*>>& streams);
     /// The streams of `offer` are gone.
     void withdraw() noexcept { streams_.clear(); }
 
-    void publish(const sse_event& event);
+    void publish(const ise::sse_event& event);
     /// Subscriptions heal by themselves: that one is cut off shows only when looked at, once a second.
     void watch();
     /// To the archive: how far its providers were followed. Before each commit.
@@ -64,7 +64,7 @@ private:
     track_archive* archive_;
     track_state state_;
     telemetry_feed feed_;
-    std::vector<sse_channel*> streams_;
+    std::vector<ise::sse_channel*> streams_;
     std::map<std::string, bool> links_; ///< by path: whether telemetry can come now
     std::map<std::string, telemetry_follower*> followers_;
     std::set<std::string> nodes_;     ///< paths of roles that told of several links

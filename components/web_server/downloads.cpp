@@ -30,8 +30,8 @@ struct collected {
     std::vector<std::string> links;
 };
 
-http_response refused(int status, std::string_view why) {
-    http_response made;
+ise::http_response refused(int status, std::string_view why) {
+    ise::http_response made;
     made.body = to_text({{"error", std::string(why)}}) + "\n";
     made.content_type = "application/json; charset=utf-8";
     made.status = status;
@@ -44,7 +44,7 @@ public:
     download_shelf(const track_state& state, track_archive* archive, std::function<utc_ms()> clock)
         : state_(state), archive_(archive), clock_(std::move(clock)) {}
 
-    http_response take(const std::string& format, const std::string& type, const http_request& asked) {
+    ise::http_response take(const std::string& format, const std::string& type, const ise::http_request& asked) {
         auto now = clock_();
         std::erase_if(kept_, [&](const auto& one) { return now - one.second.at > kept_for || now < one.second.at; });
         auto key = format + "?" + asked.query;
@@ -93,10 +93,10 @@ private:
         return all;
     }
 
-    http_response track(const std::string& format, span when) const {
+    ise::http_response track(const std::string& format, span when) const {
         auto all = collect(when);
         const auto& boat = state_.options().boat;
-        http_response made;
+        ise::http_response made;
         if (format == "gpx") made.body = to_gpx(boat, all.points, state_.waypoints(), all.links, state_.rhythm());
         else if (format == "kml") made.body = to_kml(boat, all.points, state_.waypoints());
         else if (format == "csv") made.body = to_csv(all.points, all.links);
@@ -105,7 +105,7 @@ private:
         return made;
     }
 
-    http_response telemetry(span when) const {
+    ise::http_response telemetry(span when) const {
         std::string text;
         auto packets = archive_->telemetry(state_.options().id, when.from, when.until, max_packets);
         if (!packets) throw ise::error(packets.error());
@@ -118,14 +118,14 @@ private:
                                 iso_8601(packet.measured_at), iso_8601(packet.received_at), name_of(packet.link),
                                 packet.boot, packet.sequence, packet.history, name_of(message->body), body);
         }
-        http_response made;
+        ise::http_response made;
         made.body = std::move(text);
         made.download_as = file_name("ndjson");
         return made;
     }
 
     struct kept {
-        http_response reply; // shares its body with those who take it
+        ise::http_response reply; // shares its body with those who take it
         utc_ms at;
     };
     const track_state& state_;
@@ -201,12 +201,12 @@ std::optional<utc_ms> parse_time(std::string_view text) {
     return at + std::chrono::milliseconds(*ms);
 }
 
-void offer_downloads(http_server& server, const std::string& prefix, const track_state& state, track_archive* archive,
-                     std::function<utc_ms()> clock) {
+void offer_downloads(ise::http_server& server, const std::string& prefix, const track_state& state,
+                     track_archive* archive, std::function<utc_ms()> clock) {
     auto shelf = std::make_shared<download_shelf>(state, archive, std::move(clock));
     auto offer = [&](const std::string& name, const std::string& format, const std::string& type) {
         server.get(prefix + name,
-                   [shelf, format, type](const http_request& asked) { return shelf->take(format, type, asked); });
+                   [shelf, format, type](const ise::http_request& asked) { return shelf->take(format, type, asked); });
     };
     offer("/track.gpx", "gpx", "application/gpx+xml");
     offer("/track.kml", "kml", "application/vnd.google-earth.kml+xml");

@@ -1,7 +1,7 @@
 #pragma once
-#include <components/http/http_server.hpp>
 #include <components/web_server/track_archive.hpp>
 #include <components/web_server/track_state.hpp>
+#include <ise/http/http_server.hpp>
 
 #include <functional>
 #include <string>
@@ -14,8 +14,8 @@ namespace atirma {
 /// 400. With an archive (not null) everything that it keeps, thinned to 20000 fixes, else what the page shows. The same
 /// download is made once in ten seconds, however many ask, and after one from an archive that took more than 250 ms
 /// others are a 503 for four times as long: those who watch come first. `state` and `archive` outlive the server.
-void offer_downloads(http_server& server, const std::string& prefix, const track_state& state, track_archive* archive,
-                     std::function<utc_ms()> clock);
+void offer_downloads(ise::http_server& server, const std::string& prefix, const track_state& state,
+                     track_archive* archive, std::function<utc_ms()> clock);
 
 /// The value of `name` in a query, decoded; empty where it is missing.
 std::string query_value(std::string_view query, std::string_view name);

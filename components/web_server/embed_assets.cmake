@@ -51,8 +51,8 @@ namespace {
 std::string_view view(const char* begin, const char* end) { return {begin, static_cast<std::size_t>(end - begin)}; }
 } // namespace
 
-std::span<const static_file> page_assets() noexcept {
-    static const std::array<static_file, ${count}> table = {{
+std::span<const ise::static_file> page_assets() noexcept {
+    static const std::array<ise::static_file, ${count}> table = {{
 ${table}    }};
     return table;
 }

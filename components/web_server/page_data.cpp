@@ -1,6 +1,6 @@
 #include <components/web_server/page_data.hpp>
 
-#include <components/http/gzip.hpp>
+#include <components/web_server/gzip.hpp>
 #include <components/web_server/track_json.hpp>
 
 #include <fmt/format.h>
@@ -14,8 +14,8 @@ namespace {
 
 constexpr std::chrono::seconds track_lasts{10};
 
-http_response json_response(http_body body) {
-    http_response made;
+ise::http_response json_response(ise::http_body body) {
+    ise::http_response made;
     made.content_type = "application/json; charset=utf-8";
     made.body = std::move(body);
     return made;
@@ -26,7 +26,7 @@ public:
     page_data(const track_state& state, std::function<utc_ms()> clock, page_extras extras)
         : state_(state), clock_(std::move(clock)), extras_(std::move(extras)) {}
 
-    http_response newest() {
+    ise::http_response newest() {
         std::string more;
         if (extras_.boats) more += fmt::format("\"boats\":{},", extras_.boats());
         if (!extras_.tiles.url.empty())
@@ -38,7 +38,7 @@ public:
         return made;
     }
 
-    http_response whole_track() {
+    ise::http_response whole_track() {
         const auto& kept = track();
         auto made = json_response(kept.plain);
         made.gzip = kept.packed;
@@ -50,7 +50,7 @@ private:
     struct kept_track {
         std::string id;
         utc_ms made_at;
-        http_body plain, packed;
+        ise::http_body plain, packed;
     };
 
     const kept_track& track() {
@@ -58,8 +58,8 @@ private:
         bool lasts = track_ && (track_->id == state_.id() || std::chrono::abs(now - track_->made_at) < track_lasts);
         if (!lasts) {
             auto text = state_.track_text();
-            http_body packed(gzip(text));
-            track_ = kept_track{state_.id(), now, http_body(std::move(text)), std::move(packed)};
+            ise::http_body packed(gzip(text));
+            track_ = kept_track{state_.id(), now, ise::http_body(std::move(text)), std::move(packed)};
         }
         return *track_;
     }
@@ -72,17 +72,17 @@ private:
 
 } // namespace
 
-void offer_page(http_server& server, const std::string& id) {
+void offer_page(ise::http_server& server, const std::string& id) {
     auto place = id.empty() ? std::string() : id + "/";
     server.serve_as("/" + id, "/index.html", false,
                     fmt::format("<{}now.json>; rel=preload; as=fetch; crossorigin", place));
 }
 
-void offer_page_data(http_server& server, const std::string& prefix, const track_state& state,
+void offer_page_data(ise::http_server& server, const std::string& prefix, const track_state& state,
                      std::function<utc_ms()> clock, page_extras extras) {
     auto data = std::make_shared<page_data>(state, std::move(clock), std::move(extras));
-    server.get(prefix + "/now.json", [data](const http_request&) { return data->newest(); });
-    server.get(prefix + "/track.json", [data](const http_request&) { return data->whole_track(); });
+    server.get(prefix + "/now.json", [data](const ise::http_request&) { return data->newest(); });
+    server.get(prefix + "/track.json", [data](const ise::http_request&) { return data->whole_track(); });
 }
 
 } // namespace atirma

@@ -48,11 +48,11 @@ power_update page_view(const report_origin& from, const power& of) {
 
 } // namespace
 
-std::vector<sse_event> telemetry_feed::take(const telemetry_packet& packet, utc_ms now) {
+std::vector<ise::sse_event> telemetry_feed::take(const telemetry_packet& packet, utc_ms now) {
     auto message = parse_telemetry(packet.raw);
-    if (!message) return ++statistics_.malformed, std::vector<sse_event>();
+    if (!message) return ++statistics_.malformed, std::vector<ise::sse_event>();
     if (!seen_.first_time(packet.boot, packet.sequence, packet.raw))
-        return ++statistics_.duplicates, std::vector<sse_event>();
+        return ++statistics_.duplicates, std::vector<ise::sse_event>();
     ++statistics_.received;
     auto kind = name_of(message->body);
     ++statistics_.by_type[std::string(kind)];
@@ -66,9 +66,9 @@ void telemetry_feed::restore(const telemetry_packet& packet, utc_ms now) {
     if (message && seen_.first_time(packet.boot, packet.sequence, packet.raw)) show(packet, *message, now);
 }
 
-std::vector<sse_event> telemetry_feed::show(const telemetry_packet& packet, const telemetry_message& message,
-                                            utc_ms now) {
-    std::vector<sse_event> events;
+std::vector<ise::sse_event> telemetry_feed::show(const telemetry_packet& packet, const telemetry_message& message,
+                                                 utc_ms now) {
+    std::vector<ise::sse_event> events;
     report_origin from;
     from.measured_at = packet.measured_at;
     from.received_at = packet.received_at == utc_time() ? now : packet.received_at; // a proxy that does not say when
@@ -78,7 +78,7 @@ std::vector<sse_event> telemetry_feed::show(const telemetry_packet& packet, cons
         boot_ = packet.boot;
         parts_.clear();
     }
-    auto add = [&](std::optional<sse_event> event) {
+    auto add = [&](std::optional<ise::sse_event> event) {
         if (event) events.push_back(std::move(*event));
     };
     const auto& body = message.body;
@@ -110,7 +110,8 @@ std::vector<sse_event> telemetry_feed::show(const telemetry_packet& packet, cons
     return events;
 }
 
-std::optional<sse_event> telemetry_feed::waypoints_part(const report_origin& from, const waypoints& part, utc_ms now) {
+std::optional<ise::sse_event> telemetry_feed::waypoints_part(const report_origin& from, const waypoints& part,
+                                                             utc_ms now) {
     if (part.revision != revision_) parts_.clear();
     revision_ = part.revision;
     for (std::size_t i = 0; i < part.entries.size(); ++i) parts_[part.first + i] = part.entries[i];

@@ -22,7 +22,7 @@ public:
     explicit telemetry_feed(track_state& into) : state_(into) {}
 
     /// Events to publish, in order.
-    std::vector<sse_event> take(const telemetry_packet& packet, utc_ms now);
+    std::vector<ise::sse_event> take(const telemetry_packet& packet, utc_ms now);
 
     /// What was kept over a restart of the page: shows it, and counts nothing.
     void restore(const telemetry_packet& packet, utc_ms now);
@@ -36,8 +36,8 @@ public:
     std::function<void(const telemetry_packet&, std::string_view kind)> on_new;
 
 private:
-    std::vector<sse_event> show(const telemetry_packet& packet, const telemetry_message& message, utc_ms now);
-    std::optional<sse_event> waypoints_part(const report_origin& from, const waypoints& part, utc_ms now);
+    std::vector<ise::sse_event> show(const telemetry_packet& packet, const telemetry_message& message, utc_ms now);
+    std::optional<ise::sse_event> waypoints_part(const report_origin& from, const waypoints& part, utc_ms now);
 
     track_state& state_;
     duplicate_filter seen_;

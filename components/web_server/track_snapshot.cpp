@@ -11,13 +11,13 @@
 // What is known, as the page gets it.
 namespace atirma {
 
-std::optional<sse_event> track_state_parts::event(utc_ms now, json state, const track_point* point) const {
+std::optional<ise::sse_event> track_state_parts::event(utc_ms now, json state, const track_point* point) const {
     json data = {{"now", to_json(now)}, {"state", std::move(state)}};
     if (point) {
         data["points"] = json::array({to_json(*point)});
         data["state"]["sources"] = sources;
     }
-    return sse_event{id(), "update", to_text(data)};
+    return ise::sse_event{id(), "update", to_text(data)};
 }
 
 json track_state_parts::trip() const {
@@ -128,7 +128,7 @@ json track_state_parts::state_json() const {
             {"sources", sources}};
 }
 
-sse_event track_state::snapshot(utc_ms now, std::string_view last_event_id) const {
+ise::sse_event track_state::snapshot(utc_ms now, std::string_view last_event_id) const {
     const auto& self = *self_;
     // An id of this epoch says what the client has; anything else (an older server's, a forged one) says nothing.
     std::uint64_t seen = 0;
@@ -154,7 +154,7 @@ sse_event track_state::snapshot(utc_ms now, std::string_view last_event_id) cons
     return {self.id(), "snapshot", to_text(data)};
 }
 
-sse_event track_state::status(utc_ms now) const {
+ise::sse_event track_state::status(utc_ms now) const {
     return {"", "status",
             to_text({{"now", to_json(now)},
                      {"state",

@@ -71,7 +71,7 @@ track_state::~track_state() = default;
 track_state::track_state(track_state&&) noexcept = default;
 track_state& track_state::operator=(track_state&&) noexcept = default;
 
-std::optional<sse_event> track_state::apply(const position_update& given, utc_ms now) {
+std::optional<ise::sse_event> track_state::apply(const position_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
     if (!on_earth(update.latitude_deg, update.longitude_deg)) return ++self.statistics.refused, std::nullopt;
@@ -114,7 +114,7 @@ std::optional<sse_event> track_state::apply(const position_update& given, utc_ms
     return self.event(now, std::move(state), placed);
 }
 
-std::optional<sse_event> track_state::apply(const navigation_update& given, utc_ms now) {
+std::optional<ise::sse_event> track_state::apply(const navigation_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
     if (!self.accept(update.from) || !self.is_newer(self.navigation, update)) return std::nullopt;
@@ -137,7 +137,7 @@ std::optional<sse_event> track_state::apply(const navigation_update& given, utc_
     return self.event(now, std::move(state));
 }
 
-std::optional<sse_event> track_state::apply(const wind_update& given, utc_ms now) {
+std::optional<ise::sse_event> track_state::apply(const wind_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
     if (!self.accept(update.from)) return std::nullopt;
@@ -161,7 +161,7 @@ std::optional<sse_event> track_state::apply(const wind_update& given, utc_ms now
     return self.event(now, std::move(state), point);
 }
 
-std::optional<sse_event> track_state::apply(const power_update& given, utc_ms now) {
+std::optional<ise::sse_event> track_state::apply(const power_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
     if (!self.accept(update.from)) return std::nullopt;
@@ -177,7 +177,7 @@ std::optional<sse_event> track_state::apply(const power_update& given, utc_ms no
     return self.event(now, {{"power", to_json(*self.power)}, {"heard", self.heard_json()}});
 }
 
-std::optional<sse_event> track_state::apply(const waypoints_update& given, utc_ms now) {
+std::optional<ise::sse_event> track_state::apply(const waypoints_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
     bool sound = update.points.size() <= self.options.max_waypoints &&
@@ -195,7 +195,7 @@ std::optional<sse_event> track_state::apply(const waypoints_update& given, utc_m
         now, {{"waypoints", to_json(*self.waypoints)}, {"next", self.next_waypoint()}, {"heard", self.heard_json()}});
 }
 
-std::optional<sse_event> track_state::apply(const mode_update& given, utc_ms now) {
+std::optional<ise::sse_event> track_state::apply(const mode_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
     if (!self.accept(update.from) || !self.is_newer(self.mode, update)) return std::nullopt;
@@ -205,7 +205,7 @@ std::optional<sse_event> track_state::apply(const mode_update& given, utc_ms now
     return self.event(now, {{"mode", to_json(*self.mode)}, {"heard", self.heard_json()}});
 }
 
-std::optional<sse_event> track_state::apply(const signal_update& given, utc_ms now) {
+std::optional<ise::sse_event> track_state::apply(const signal_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
     update.link = bounded(update.link);
@@ -222,7 +222,7 @@ std::optional<sse_event> track_state::apply(const signal_update& given, utc_ms n
     return self.event(now, {{"signal", self.signals_json()}, {"heard", self.heard_json()}});
 }
 
-std::optional<sse_event> track_state::apply(const feed_update& given, utc_ms now) {
+std::optional<ise::sse_event> track_state::apply(const feed_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
     update.source = bounded(update.source);

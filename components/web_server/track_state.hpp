@@ -1,9 +1,9 @@
 #pragma once
 #include <components/boat/report_rhythm.hpp>
-#include <components/http/sse_event.hpp>
 #include <components/web_server/track_line.hpp>
 #include <components/web_server/track_options.hpp>
 #include <components/web_server/track_updates.hpp>
+#include <ise/http/sse_event.hpp>
 
 #include <functional>
 #include <memory>
@@ -29,14 +29,14 @@ public:
     track_state(track_state&&) noexcept;
     track_state& operator=(track_state&&) noexcept;
 
-    std::optional<sse_event> apply(const position_update& update, utc_ms now);
-    std::optional<sse_event> apply(const navigation_update& update, utc_ms now);
-    std::optional<sse_event> apply(const wind_update& update, utc_ms now);
-    std::optional<sse_event> apply(const power_update& update, utc_ms now);
-    std::optional<sse_event> apply(const waypoints_update& update, utc_ms now);
-    std::optional<sse_event> apply(const mode_update& update, utc_ms now);
-    std::optional<sse_event> apply(const signal_update& update, utc_ms now);
-    std::optional<sse_event> apply(const feed_update& update, utc_ms now);
+    std::optional<ise::sse_event> apply(const position_update& update, utc_ms now);
+    std::optional<ise::sse_event> apply(const navigation_update& update, utc_ms now);
+    std::optional<ise::sse_event> apply(const wind_update& update, utc_ms now);
+    std::optional<ise::sse_event> apply(const power_update& update, utc_ms now);
+    std::optional<ise::sse_event> apply(const waypoints_update& update, utc_ms now);
+    std::optional<ise::sse_event> apply(const mode_update& update, utc_ms now);
+    std::optional<ise::sse_event> apply(const signal_update& update, utc_ms now);
+    std::optional<ise::sse_event> apply(const feed_update& update, utc_ms now);
 
     /// How often the boat reports, as it tells and as it does: the page's rule of freshness follows it.
     void on_report(link_id link, utc_ms measured_at) noexcept;
@@ -56,9 +56,9 @@ public:
     std::string id() const;
 
     /// Everything, for a new client; only the track points since `last_event_id` where that is an id of this epoch.
-    sse_event snapshot(utc_ms now, std::string_view last_event_id = {}) const;
+    ise::sse_event snapshot(utc_ms now, std::string_view last_event_id = {}) const;
     /// The server is alive and this is its time. To be published every `status_period`.
-    sse_event status(utc_ms now) const;
+    ise::sse_event status(utc_ms now) const;
 
     // What was kept over a restart of the server; before anything is applied. No events are made.
     void restore(track_point fix, const std::string& link);

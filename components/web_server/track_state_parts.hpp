@@ -1,9 +1,9 @@
 #pragma once
 #include <components/boat/report_rhythm.hpp>
-#include <components/http/sse_event.hpp>
 #include <components/web_server/track_json.hpp>
 #include <components/web_server/track_options.hpp>
 #include <components/web_server/track_updates.hpp>
+#include <ise/http/sse_event.hpp>
 
 #include <fmt/format.h>
 
@@ -62,7 +62,7 @@ struct track_state_parts {
     /// Where the gateway believed the boat to be says less than a fix of the boat's own that is not stale yet.
     bool would_blur(const position_update& update) const;
     std::uint32_t source_index(const std::string& source);
-    std::optional<sse_event> event(utc_ms now, json state, const track_point* point = nullptr) const;
+    std::optional<ise::sse_event> event(utc_ms now, json state, const track_point* point = nullptr) const;
     json trip() const;
     /// The waypoint steered for, as seen from the newest position.
     json next_waypoint() const;

@@ -1,8 +1,8 @@
 #include <components/web_server/web_component.hpp>
 
-#include <components/http/http_answers.hpp>
 #include <components/web_server/assets.hpp>
 #include <components/web_server/track_json.hpp>
+#include <ise/http/http_answers.hpp>
 
 #include <asio/ip/address.hpp>
 #include <fmt/format.h>
@@ -13,18 +13,18 @@ using namespace std::chrono_literals;
 constexpr ise::duration tick_period = 10s; // of http_server's streams
 constexpr ise::duration watch_period = 1s; // of the links, and of the archive
 
-http_response page_error(int status, std::string_view what) {
-    http_response made;
+ise::http_response page_error(int status, std::string_view what) {
+    ise::http_response made;
     made.content_type = "text/html; charset=utf-8";
     made.body = fmt::format("<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" "
                             "content=\"width=device-width\"><title>{0} {1}</title><h1>{0} {1}</h1><p>{2}</p>"
                             "<p><a href=\"/\">To the boat's position</a></p></html>\n",
-                            status, reason_of(status), what);
+                            status, ise::reason_of(status), what);
     return made;
 }
 
-http_response json_response(std::string text) {
-    http_response made;
+ise::http_response json_response(std::string text) {
+    ise::http_response made;
     made.content_type = "application/json; charset=utf-8";
     made.body = std::move(text);
     return made;
@@ -45,8 +45,8 @@ ise::endpoint endpoint_of(const page_address& at) {
 }
 } // namespace
 
-http_limits page_limits() {
-    http_limits made;
+ise::http_limits page_limits() {
+    ise::http_limits made;
     made.max_connections = 4000;
     made.message.max_body_bytes = 4096; // nothing there takes a body
     made.times.idle = 15s;
@@ -157,9 +157,10 @@ void web_server::tick() {
 
 void web_server::listen() {
     const auto& http = options_.http;
-    auto server = std::make_unique<http_server>(on(), log(), http.limits, [this](std::string name, ise::task<> body) {
-        spawn(std::move(name), std::move(body));
-    });
+    auto server =
+        std::make_unique<ise::http_server>(on(), log(), http.limits, [this](std::string name, ise::task<> body) {
+            spawn(std::move(name), std::move(body));
+        });
     server->on_error(page_error);
     server->serve(page_assets());
     server->serve_as("/embed", "/index.html", true);
@@ -168,8 +169,8 @@ void web_server::listen() {
     extras.tiles = options_.tiles;
     if (boats_.size() > 1) extras.boats = [this] { return fleet_json(); };
     for (auto& boat : boats_) boat->offer(*server, boat == boats_.front(), extras, streams_);
-    server->get("/boats.json", [this](const http_request&) { return json_response(fleet_json()); });
-    server->get("/api/status", [this](const http_request&) { return json_response(status_json()); });
+    server->get("/boats.json", [this](const ise::http_request&) { return json_response(fleet_json()); });
+    server->get("/api/status", [this](const ise::http_request&) { return json_response(status_json()); });
     if (auto listening = server->listen(endpoint_of(http)); !listening)
         throw ise::error(listening.error().code(), fmt::format("web server: {} (--address {}, --port {})",
                                                                listening.error().message(), http.address, http.port));

@@ -1,6 +1,6 @@
 #pragma once
-#include <components/http/http_server.hpp>
 #include <components/web_server/boat_page.hpp>
+#include <ise/http/http_server.hpp>
 
 #include <cstdint>
 #include <functional>
@@ -11,12 +11,12 @@
 namespace atirma {
 
 /// The limits of a public page: many viewers, no posts.
-http_limits page_limits();
+ise::http_limits page_limits();
 
 struct page_address {
     std::string address = "127.0.0.1"; ///< numeric, IPv4 or IPv6
     std::uint16_t port = 8080;         ///< 0: the system chooses
-    http_limits limits = page_limits();
+    ise::http_limits limits = page_limits();
 };
 
 struct web_server_options {
@@ -60,8 +60,8 @@ private:
     web_server_options options_;
     std::unique_ptr<track_archive> archive_;
     std::vector<std::unique_ptr<boat_page>> boats_;
-    std::unique_ptr<http_server> server_;
-    std::vector<std::pair<std::string, sse_channel*>> streams_; ///< by path
+    std::unique_ptr<ise::http_server> server_;
+    std::vector<std::pair<std::string, ise::sse_channel*>> streams_; ///< by path
     bool disk_failed_ = false;
     std::uint64_t archives_filled_ = 0; ///< that were begun anew
 };

@@ -111,6 +111,12 @@ void call_service::serve(call_origin& from, incoming_call call, incoming_packet 
     if (more_workers) add_worker();
 }
 
+bool call_service::runs(const call_origin& from, std::uint64_t id) const noexcept {
+    return std::ranges::any_of(workers_, [&](const auto& worker) {
+        return worker->wanted_ && worker->call_.id == id && worker->call_.from.get() == &from;
+    });
+}
+
 void call_service::tell_failure(const call_origin& from, const failure& why) {
     if (why.code() == errc::handler_failed)
         runtime_.tell(peer_trouble::handler, fmt::format("a handler of '{}' failed: {}", name_, why.message()),
@@ -246,6 +252,7 @@ call_context call_service::context_of_call(const call_origin& from, const incomi
     made.who = made.verified->who;
     made.deadline = call.deadline;
     made.trace = call.trace;
+    made.id = call.id;
     return made;
 }
 

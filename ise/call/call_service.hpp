@@ -99,6 +99,8 @@ public:
     void stop();
     std::size_t running() const noexcept { return workers_.size() - idle_.size(); }
     std::size_t waiting() const noexcept;
+    /// Whether a handler has begun with that request, and somebody waits for its answer.
+    bool runs(const call_origin& from, std::uint64_t id) const noexcept;
     service_meter& meter() noexcept { return meter_; }
 
 protected:

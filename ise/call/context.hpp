@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/core/time.hpp>
 #include <ise/core/verified_peer.hpp>
+#include <ise/session/tracer.hpp>
 
 #include <asio/any_io_executor.hpp>
 
@@ -9,12 +10,6 @@
 #include <string_view>
 
 namespace ise {
-
-/// Connects the calls that have one cause.
-struct trace_id {
-    std::uint64_t trace = 0;  ///< of the whole tree of calls; 0: none
-    std::uint64_t parent = 0; ///< the call that caused this one
-};
 
 /// Information about the call that a handler answers. Nested calls inherit it: the executor of a handler's
 /// coroutine carries it, so a call made there has the earlier of the two deadlines and the same trace.
@@ -25,6 +20,7 @@ struct call_context {
     const verified_peer* verified = nullptr; ///< all that was verified of the caller, while the handler runs
     time_point deadline = time_point::max(); ///< the deadline of the call, on the loop's clock
     trace_id trace;                          ///< the trace of the call
+    std::uint64_t id = 0;                    ///< of the call, in the session with its caller
     /// For an exclusive service: the first caller whose request waits for this one. Otherwise empty.
     std::string_view waiting;
 };

@@ -49,6 +49,7 @@ void tap(const incoming_calls& at, service_runtime& runtime, const std::string& 
 
 void tap_end(const incoming_calls& at, service_runtime& runtime, std::uint64_t id, std::string outcome,
              std::string message, const outgoing_packet* response) {
+    if (!taps_of(runtime).watches(runtime)) return;
     buffer raw;
     if (response) {
         try {
@@ -60,6 +61,9 @@ void tap_end(const incoming_calls& at, service_runtime& runtime, std::uint64_t i
     }
     taps_of(runtime).end(&at, id, runtime, runtime.on().now(), std::move(outcome), std::move(message), raw.to_bytes());
 }
+
+// Whether a recorder or a tracer looks at the calls of this process: without, a call costs this look more.
+bool observed() noexcept { return call_taps::any() || tracer::any(); }
 
 failure replies_not_taken(std::size_t unsent, execution state) {
     return failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (session_bytes)", unsent),
@@ -150,6 +154,7 @@ result<void> incoming_calls::on_request(const net::carried_frame& received) {
     head.id = id;
     head.trace.trace = told->trace;
     head.trace.parent = told->parent;
+    if (over_.wire().tells_traces()) head.trace.high = told->high;
     head.number = told->number;
     head.again = numbered && (flags & wire::flag::again);
     auto& runtime = over_.runtime();
@@ -255,6 +260,7 @@ void incoming_calls::serve(binding& of, const request_head& head, incoming_packe
     auto& runtime = over_.runtime();
     if (head.deadline <= runtime.on().now()) {
         of.service->meter().refused_expired();
+        of.service->meter().failed(errc::timed_out);
         turn_away(head,
                   failure(errc::timed_out,
                           fmt::format("'{}' was asked too late: the deadline had passed before the request was read",
@@ -273,11 +279,33 @@ void incoming_calls::serve(binding& of, const request_head& head, incoming_packe
     call.trace = head.trace;
     call.adapt = of.request.get();
     ++runtime.counts().calls_served;
-    if (call_taps::any()) [[unlikely]] {
-        request.adapt = call.adapt;
-        tap(*this, runtime, of.name, head.id, over_.caller_name(), request);
-    }
+    if (observed()) [[unlikely]]
+        observe(running_[slot], call, request);
     of.service->serve(*this, std::move(call), std::move(request));
+}
+
+void incoming_calls::observe(running_call& which, incoming_call& call, incoming_packet& request) {
+    auto& runtime = over_.runtime();
+    if (auto* traces = runtime.options().traces.get(); traces && call.trace.trace != 0) {
+        which.trace = call.trace;
+        which.span = call.trace.parent = traces->next_id(); // calls of the handler are caused by this span
+        which.began = runtime.on().now();
+    }
+    if (!call_taps::any()) return;
+    request.adapt = call.adapt;
+    tap(*this, runtime, which.of->name, which.id, over_.caller_name(), request);
+}
+
+void incoming_calls::observe_end(std::uint64_t id, errc outcome, std::string_view message,
+                                 const outgoing_packet* response) {
+    auto& runtime = over_.runtime();
+    if (auto* running = find(id); running && running->span != 0)
+        runtime.options().traces->ended(running->trace, std::exchange(running->span, 0), span::side::server, outcome,
+                                        running->began, runtime.env().now() - running->began, running->of->name,
+                                        runtime.self().path, over_.peer_name());
+    if (call_taps::any())
+        tap_end(*this, runtime, id, outcome == errc{} ? "ok" : std::string(name_of(outcome)), std::string(message),
+                response);
 }
 
 // A call that the client makes again after its session was lost: it runs once, and its answer goes to where it asked
@@ -313,9 +341,8 @@ void incoming_calls::on_cancel(std::uint64_t id) {
     if (const auto* found = find(id)) {
         auto running = *found;
         auto service = running.of->service;
-        if (call_taps::any()) [[unlikely]]
-            tap_end(*this, over_.runtime(), id, std::string(name_of(errc::cancelled)), "its caller gave it up",
-                    nullptr);
+        if (observed()) [[unlikely]]
+            observe_end(id, errc::cancelled, "its caller gave it up", nullptr);
         forget(id);
         if (running.elsewhere) {
             auto origin = replies().origin(running.number);
@@ -323,6 +350,7 @@ void incoming_calls::on_cancel(std::uint64_t id) {
             if (over) over->on_cancel(origin->id);
             return;
         }
+        service->meter().failed(errc::cancelled);
         if (running.number != 0) replies().give_up(running.number);
         service->withdraw(*this, id);
         return;
@@ -374,6 +402,11 @@ void incoming_calls::end_orphans() {
     if (next != time_point::max()) orphans_->arm(next);
 }
 
+void incoming_calls::each(function_ref<void(const std::string& service, std::uint64_t id, bool runs)> visit) const {
+    for (const auto& entry : running_)
+        if (entry.of) visit(entry.of->name, entry.id, entry.of->service->runs(*this, entry.id));
+}
+
 void incoming_calls::on_session_end() {
     auto held = over_.shared_from_this();
     if (replies_) replies_->touch(over_.on().now());
@@ -398,8 +431,8 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
     if (!running) return;
     auto& of = *running->of;
     auto number = running->number;
-    if (call_taps::any()) [[unlikely]]
-        tap_end(*this, over_.runtime(), id, "ok", {}, &response);
+    if (observed()) [[unlikely]]
+        observe_end(id, errc{}, {}, &response);
     if (number == 0) {
         running->of = nullptr;
         --running_count_;
@@ -408,6 +441,7 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
     auto& wire = over_.wire();
     if (auto unsent = wire.out().pending_call_bytes();
         number == 0 && unsent > over_.runtime().options().session_bytes) {
+        of.service->meter().failed(errc::overloaded);
         refuse(id, replies_not_taken(unsent, execution::unknown));
         return;
     }
@@ -435,14 +469,17 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
     }
     if (problem) {
         out.truncate(start);
+        if (number == 0) of.service->meter().failed(problem->code());
         refuse(id, *problem);
         return;
     }
     if (number != 0) {
+        of.service->meter().answered();
         forget(id);
         answer_numbered(number, out.view());
         return;
     }
+    of.service->meter().answered();
     wire.out().end_call(std::move(object));
     wire.written();
 }
@@ -475,9 +512,10 @@ void incoming_calls::send_answer(std::uint64_t id, bytes_view frame) {
 }
 
 void incoming_calls::refuse(std::uint64_t id, const failure& why) {
-    if (call_taps::any()) [[unlikely]]
-        tap_end(*this, over_.runtime(), id, std::string(name_of(why.code())), why.message(), nullptr);
+    if (observed()) [[unlikely]]
+        observe_end(id, why.code(), why.message(), nullptr);
     const auto* running = find(id);
+    if (running) running->of->service->meter().failed(why.code());
     const std::uint64_t number = running ? running->number : 0;
     forget(id);
     if (number == 0 && !over_.open()) return;

@@ -44,6 +44,8 @@ public:
     void orphan(std::uint64_t id);
 
     std::size_t running() const noexcept { return running_count_; }
+    /// The requests that are not answered yet. `runs`: a handler has begun.
+    void each(function_ref<void(const std::string& service, std::uint64_t id, bool runs)> visit) const;
 
 private:
     enum class state : std::uint8_t { ready, comparing, refused };
@@ -74,6 +76,9 @@ private:
         std::uint64_t number = 0;
         bool elsewhere = false; // it runs for an earlier session; its answer comes here
         time_point orphaned_until = time_point::max();
+        trace_id trace;         // of the caller; where it has one and this side makes spans
+        std::uint64_t span = 0; // of this side; 0: none
+        time_point began{};     // the turn in which the request was read
     };
 
     void bind(std::uint32_t number, const std::vector<std::uint64_t>& fingerprints);
@@ -86,6 +91,9 @@ private:
     void forget(std::uint64_t id) noexcept;
     void serve(binding& of, const request_head& head, incoming_packet request);
     bool seen_before(binding& of, const request_head& head);
+    // For those who look at calls: recorders and the tracer.
+    void observe(running_call& which, incoming_call& call, incoming_packet& request);
+    void observe_end(std::uint64_t id, errc outcome, std::string_view message, const outgoing_packet* response);
     bool awaited(const running_call& call);
     void end_orphans();
     void answer_numbered(std::uint64_t number, bytes_view frame);

@@ -58,6 +58,7 @@ bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
     head.time_ns = call.deadline.time_since_epoch().count(); // the outbox makes it the peer's
     head.trace = call.trace.trace;
     head.parent = call.trace.parent;
+    if (connection.tells_traces()) head.high = call.trace.high;
     std::uint32_t at = free_slots_.back();
     call.id = call_id(at, slots_[at].generation);
     const std::uint8_t again = call.number != 0 ? wire::flag::again : std::uint8_t{0};

@@ -62,6 +62,12 @@ void pending_calls::end(pending_call& call, const call_outcome& outcome) {
     unbind(call);
     auto done = std::move(call.done);
     auto* made_in = std::exchange(call.made_in, nullptr);
+    if (outcome.why) failures.add(outcome.why->code());
+    else ++answered;
+    if (call.spans) [[unlikely]] {
+        call.spans = false;
+        on_span(call, outcome.why);
+    }
     auto owner = std::move(call.owner); // lives until the completion has run
     call.state = call_state::starting;
     call.holder = nullptr;
@@ -79,6 +85,11 @@ void pending_calls::end(pending_call& call, const call_outcome& outcome) {
         return;
     }
     on_.later(done(outcome));
+}
+
+void pending_calls::each_awaited(function_ref<void(const pending_call&)> visit) const {
+    for (const auto& call : all_)
+        if (call->done && call->made_in) visit(*call);
 }
 
 void pending_calls::fail(pending_call& call, const failure& why) {

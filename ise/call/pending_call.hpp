@@ -1,12 +1,16 @@
 #pragma once
 #include <ise/call/call_completion.hpp>
 #include <ise/call/context.hpp>
+#include <ise/call/service_meter.hpp>
 #include <ise/core/error.hpp>
+#include <ise/core/function_ref.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/session/carried_packet.hpp>
 #include <ise/session/contract.hpp>
 
+#include <functional>
 #include <memory>
+#include <source_location>
 #include <string>
 #include <utility>
 #include <vector>
@@ -68,6 +72,10 @@ struct pending_call final : suspended {
     const packet_types* types = nullptr;
     time_point deadline;
     trace_id trace;
+    std::uint64_t caused_by = 0; ///< of the trace: the span in which the call was made; its own is `trace.parent`
+    bool spans = false;          ///< this side makes a span of it
+    time_point began{};          ///< the turn in which it was made
+    std::source_location where;  ///< the `co_await` of it, if there is one
     const call_context* made_in = nullptr; ///< the handler that waits for it
     call_completion done;
     timer alarm;
@@ -151,6 +159,13 @@ public:
 
     std::size_t open_calls() const noexcept { return all_.size() - free_.size(); }
     std::uint64_t late_replies = 0; ///< came after the call had ended otherwise
+    std::uint64_t answered = 0;     ///< calls that ended with a response
+    outcome_counts failures;        ///< the others
+    /// Called with the end of a call that this side makes a span of; null: it ended with a response.
+    std::function<void(const pending_call&, const failure* why)> on_span;
+
+    /// Calls under way that handlers wait for, in no order.
+    void each_awaited(function_ref<void(const pending_call&)> visit) const;
 
 private:
     friend struct pending_call;

@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/core/error.hpp>
 #include <ise/core/time.hpp>
 
 #include <algorithm>
@@ -7,6 +8,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <new>
+#include <utility>
+#include <vector>
 
 namespace ise {
 
@@ -16,7 +20,11 @@ class duration_histogram {
 public:
     static constexpr std::size_t buckets = 108; ///< how many there are
 
-    void add(duration took) noexcept { ++counts_[bucket_of(took)]; }
+    void add(duration took) noexcept {
+        ++counts_[bucket_of(took)];
+        sum_ += took;
+    }
+    duration sum() const noexcept { return sum_; } ///< of all that was added
     std::uint64_t count(std::size_t bucket) const noexcept { return counts_[bucket]; }
 
     static constexpr std::size_t bucket_of(duration took) noexcept {
@@ -34,6 +42,24 @@ public:
 private:
     static constexpr int unit_bits = 10; // 1.024 µs
     std::array<std::uint64_t, buckets> counts_{};
+    duration sum_{};
+};
+
+/// How many calls failed, by the reason: few, since the reasons are an enumeration.
+class outcome_counts {
+public:
+    void add(errc why) noexcept {
+        for (auto& [code, count] : counts_)
+            if (code == why) return void(++count);
+        try {
+            counts_.emplace_back(why, 1);
+        } catch (const std::bad_alloc&) { // a figure less
+        }
+    }
+    const std::vector<std::pair<errc, std::uint64_t>>& all() const noexcept { return counts_; }
+
+private:
+    std::vector<std::pair<errc, std::uint64_t>> counts_; // those that occurred
 };
 
 /// A provided request-response service in figures. Every call is counted, and how long it waited for a handler. How
@@ -62,6 +88,12 @@ public:
     void refused_overloaded() noexcept { ++overloaded_; }
     void refused_expired() noexcept { ++expired_; }
 
+    void answered() noexcept { ++answered_; }
+    /// Answered by a failure, or given up by its caller (errc::cancelled).
+    void failed(errc why) noexcept { failures_.add(why); }
+
+    std::uint64_t answered_calls() const noexcept { return answered_; } ///< with a response
+    const outcome_counts& failures() const noexcept { return failures_; }
     std::uint64_t calls() const noexcept { return calls_; }           ///< that a handler began with
     std::uint64_t overloaded() const noexcept { return overloaded_; } ///< refused: too many waited
     std::uint64_t expired() const noexcept {
@@ -77,7 +109,8 @@ private:
     };
     std::unique_ptr<both> took_; // most services of most components are never called
     time_point next_ = time_point::min();
-    std::uint64_t calls_ = 0, overloaded_ = 0, expired_ = 0;
+    std::uint64_t calls_ = 0, overloaded_ = 0, expired_ = 0, answered_ = 0;
+    outcome_counts failures_;
 };
 
 } // namespace ise

@@ -1,11 +1,13 @@
 #include <ise/component/component_runner.hpp>
 
 #include <ise/access/guard.hpp>
+#include <ise/call/pending_call.hpp>
 #include <ise/call/provide.hpp>
 #include <ise/component/access_services.hpp>
 #include <ise/component/health.hpp>
 #include <ise/component/served_calls.hpp>
 #include <ise/core/async_run.hpp>
+#include <ise/core/limits.hpp>
 #include <ise/core/use_task.hpp>
 #include <ise/naming/name_resolver.hpp>
 #include <ise/service/session.hpp>
@@ -356,6 +358,29 @@ component_info component_runner::describe_self() const {
         text.cause = one.cause;
         made.ended_subscriptions.push_back(std::move(text));
     }
+    services_->calls().each_awaited([&](const pending_call& call) {
+        if (made.awaited.size() == limit::described_calls) return;
+        awaited_call_text text;
+        text.provider = call.owner->name();
+        text.service = call.service;
+        text.id = call.id;
+        text.handler = call.made_in->service;
+        text.caller = call.made_in->caller;
+        text.caller_id = call.made_in->id;
+        if (call.where.line() != 0) text.where = fmt::format("{}:{}", call.where.file_name(), call.where.line());
+        text.waited = services_->on().now() - call.began;
+        made.awaited.push_back(std::move(text));
+    });
+    for (const auto& [raw, held] : services_->sessions())
+        held->calls_in().each([&](const std::string& service, std::uint64_t id, bool runs) {
+            if (made.served.size() == limit::described_calls) return;
+            served_call_text text;
+            text.service = service;
+            text.caller = held->peer_name();
+            text.id = id;
+            text.running = runs;
+            made.served.push_back(std::move(text));
+        });
     for (auto& one : services_->uses().awaited()) {
         wait_text text;
         text.target = std::move(one.target);

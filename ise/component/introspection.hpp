@@ -54,6 +54,26 @@ struct wait_text {
     std::string cause;   ///< the last obstacle
 };
 
+/// A call that a handler of the component waits for.
+struct awaited_call_text {
+    std::string provider; ///< its path, role or address
+    std::string service;
+    std::uint64_t id = 0;        ///< of the call, in the session with its provider
+    std::string handler;         ///< the service whose handler waits
+    std::string caller;          ///< of that handler's call: its path, or its address
+    std::uint64_t caller_id = 0; ///< the same: of the call, in the session with its caller
+    std::string where;           ///< the handler's `co_await`, "boat.cpp:41"; empty: unknown
+    duration waited{};           ///< since the call was made
+};
+
+/// A request that the component has not answered yet.
+struct served_call_text {
+    std::string service;
+    std::string caller;   ///< its path, or its address
+    std::uint64_t id = 0; ///< of the call, in the session with its caller
+    bool running = false; ///< a handler has begun; else the request waits for one
+};
+
 /// The request; it has no fields.
 struct describe_request {};
 
@@ -76,6 +96,8 @@ struct component_info {
     std::map<std::string, std::int32_t> roles;                ///< that it serves, with its priority
     std::vector<ended_subscription_text> ended_subscriptions; ///< the last ones
     std::vector<wait_text> waits;                             ///< present waits of any length
+    std::vector<awaited_call_text> awaited; ///< calls that handlers wait for: the first `limit::described_calls`
+    std::vector<served_call_text> served;   ///< requests that are not answered yet: as many
 };
 
 /// Every component provides it.

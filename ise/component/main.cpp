@@ -1,6 +1,7 @@
 // environment-boundary: what a program's own main would do: its streams, its real environment
 #include <ise/component/component_type.hpp>
 
+#include <ise/component/observing.hpp>
 #include <ise/component/poll_window.hpp>
 #include <ise/component/program_words.hpp>
 #include <ise/core/complain.hpp>
@@ -58,7 +59,13 @@ bool take_common(program_words& to, const std::string& name, const std::string& 
     else if (name == "tls") to.node.security.tls_folder = value;
     else if (name == "access") to.node.security.access_file = value;
     else if (name == "audit") to.node.security.audit_file = value;
-    else if (name == "demand-credentials") to.node.security.demanded = yes_or_no(name, value);
+    else if (name == "metrics") to.node.metrics = value;
+    else if (name == "traces") to.node.traces = value;
+    else if (name == "trace-rate") {
+        auto rate = detail::parse_trace_rate(value);
+        if (!rate) throw wrong("--trace-rate: " + rate.error().message());
+        to.node.trace_rate = *rate;
+    } else if (name == "demand-credentials") to.node.security.demanded = yes_or_no(name, value);
     else if (name == "poll") {
         auto window = parse_poll_window(value);
         if (!window) throw wrong("--poll: " + window.error().message());

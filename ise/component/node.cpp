@@ -3,6 +3,7 @@
 #include <ise/component/left_behind.hpp>
 #include <ise/component/live_parameters.hpp>
 #include <ise/component/node_state.hpp>
+#include <ise/component/observing.hpp>
 #include <ise/component/poll_window.hpp>
 #include <ise/core/async_run.hpp>
 #include <ise/core/use_task.hpp>
@@ -47,9 +48,11 @@ private:
 node::node(environment& env, node_options options) {
     if (options.use_names && options.name_servers.empty()) options.name_servers = usual_name_servers(env).value();
     options.poll = detail::poll_window_of(options.poll, env);
+    detail::set_from_environment(options, env);
     auto credentials = security::load(env, options.security).value();
     state_ = std::make_shared<node_state>(env, std::move(options), std::move(credentials));
     auto setup = [held = state_] {
+        held->start_observing();
         if (held->options.use_names) held->start_names();
         if (!held->env.is_virtual()) {
             held->watch = std::make_unique<timer>(held->loop(), [raw = held.get()] { raw->watch_loops(); });
@@ -59,7 +62,12 @@ node::node(environment& env, node_options options) {
     if (env.is_virtual()) {
         setup();
     } else {
-        asio::post(state_->loop().get_executor(), std::packaged_task<void()>(setup)).get();
+        try {
+            asio::post(state_->loop().get_executor(), std::packaged_task<void()>(setup)).get();
+        } catch (...) { // the loop's thread may hold it still, and cannot wait for itself
+            state_->host->end();
+            throw;
+        }
     }
 }
 
@@ -72,6 +80,8 @@ node::~node() {
         auto over = closed.get_future();
         auto closing = [](std::shared_ptr<node_state> held) -> task<> {
             held->watch.reset();
+            if (held->metrics) co_await held->metrics->end();
+            if (held->traces) co_await held->traces->end();
             if (held->names()) co_await held->names()->farewell();
             if (held->services) {
                 held->services->stop(held->options.grace / 4);

@@ -41,6 +41,14 @@ struct node_options {
     log_sink log = log_to_stderr(); ///< the sink of all log records of the node
     /// Its credentials, loaded when the node is made. Default of empty fields: ISE_KEY and ISE_TLS.
     security_options security;
+    /// Where it serves its metrics to Prometheus: a port of the loopback interface ("9464"), or an address with a port
+    /// ("0.0.0.0:9464"). "none": nowhere. Default: ISE_METRICS, else nowhere. See docs/metrics.md.
+    std::string metrics;
+    /// Where spans of calls go, as OTLP/JSON: a file, or the URL of a collector ("http://127.0.0.1:4318"). "none":
+    /// there are none. Default: ISE_TRACES, else none. See docs/metrics.md.
+    std::string traces;
+    /// The share of traces begun here that are kept, from 0 to 1. Default: ISE_TRACE_RATE, else 1.
+    std::optional<double> trace_rate;
 };
 
 class live_parameters;

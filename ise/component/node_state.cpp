@@ -1,5 +1,6 @@
 #include <ise/component/node_state.hpp>
 
+#include <ise/component/observing.hpp>
 #include <ise/naming/lease_registrar.hpp>
 
 #include <fmt/format.h>
@@ -28,6 +29,11 @@ void node_state::start_names() {
     kept_names->on_change = [this](const std::string& path, result<std::uint64_t> epoch) {
         if (auto runner = find(path)) runner->on_name_change(std::move(epoch));
     };
+}
+
+void node_state::start_observing() {
+    if (auto at = detail::metrics_address(options.metrics)) metrics = detail::serve_metrics(*this, *at);
+    if (options.services.traces) traces = detail::export_traces(*this);
 }
 
 // A component whose loop does not turn is shown as stalled; its name, its lease and its sessions do not suffer.

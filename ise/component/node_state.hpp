@@ -2,6 +2,7 @@
 #include <ise/component/component_owner.hpp>
 #include <ise/component/component_runner.hpp>
 #include <ise/component/node_options.hpp>
+#include <ise/component/observing.hpp>
 
 #include <atomic>
 #include <condition_variable>
@@ -25,6 +26,8 @@ struct node_state final : component_owner, std::enable_shared_from_this<node_sta
     ise::loop& loop() noexcept override { return host->loop(); }
     registrar* names() const noexcept override { return kept_names.get(); }
     void start_names();
+    /// Serves metrics and exports spans, where that is asked for. Throws ise::error: address_in_use and the like.
+    void start_observing();
     void watch_loops();
     /// Looks at once, and often enough from then on, unless it does already. From any thread.
     void watch_sooner(duration heartbeat) override;
@@ -49,6 +52,7 @@ struct node_state final : component_owner, std::enable_shared_from_this<node_sta
     std::unique_ptr<service_host> services;
     std::unique_ptr<registrar> kept_names;
     std::unique_ptr<timer> watch;
+    std::unique_ptr<detail::observing> metrics, traces; // null: it serves none, it exports none
     time_point poke_at{};
     std::atomic<duration> watched_every{watch_period}; // from any thread
 

@@ -1,8 +1,8 @@
 #include <ise/component/parameter.hpp>
 
 #include <ise/component/nearest.hpp>
-#include <ise/component/url.hpp>
 #include <ise/core/endpoint.hpp>
+#include <ise/core/url.hpp>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -27,7 +27,7 @@ std::string parameter_row(const parameter& of, std::size_t column) {
 // Of the options that every type has.
 std::string common_rows() {
     constexpr std::size_t column = 25;
-    const std::array<std::pair<const char*, const char*>, 12> all{{
+    const std::array<std::pair<const char*, const char*>, 15> all{{
         {"--path=PATH", "the name that it registers (default: that of the type)"},
         {"--listen=ENDPOINT", "where it listens; several are allowed (default: in-process, a local socket and a port "
                               "of the loopback interface)"},
@@ -41,6 +41,12 @@ std::string common_rows() {
         {"--access=FILE", "with the access policy (default: ISE_ACCESS, else nothing is refused)"},
         {"--audit=FILE", "gets a line of JSON for each refusal and each change allowed (default: ISE_AUDIT)"},
         {"--demand-credentials=yes", "without key or TLS it listens on this host only (default: no)"},
+        {"--metrics=ADDRESS",
+         "serves metrics to Prometheus there: a port of the loopback interface, or an address with a "
+         "port (default: ISE_METRICS, else none)"},
+        {"--traces=TARGET", "a file, or the http URL of a collector, that gets spans of calls as OTLP/JSON (default: "
+                            "ISE_TRACES, else none)"},
+        {"--trace-rate=SHARE", "of the traces that begin here, from 0 to 1 (default: ISE_TRACE_RATE, else 1)"},
         {"--poll=MICROSECONDS", "how long its thread looks for work before it sleeps (default: ISE_POLL_US, else 0)"},
     }};
     std::string text;

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <exception>
 #include <optional>
+#include <source_location>
 #include <type_traits>
 #include <utility>
 
@@ -65,9 +66,11 @@ public:
 
     async_stack& stack() const noexcept { return *stack_; }
 
-    /// Every `co_await` of a cancelled coroutine throws, before it begins anything.
+    /// Every `co_await` of a cancelled coroutine throws, before it begins anything. `where` is that `co_await`, for an
+    /// operation that wants to know.
     template <class A>
-    auto await_transform(A&& what) const {
+    auto await_transform(A&& what,
+                         [[maybe_unused]] const std::source_location where = std::source_location::current()) const {
         using plain = std::remove_cvref_t<A>;
         if constexpr (std::is_base_of_v<async_stack::query, plain>) {
             return what.of(*stack_);
@@ -78,6 +81,7 @@ public:
                               "ise: a task is awaited once and gone then: co_await std::move(it)");
                 return task_awaiter(std::move(what));
             } else if constexpr (std::is_base_of_v<awaiter, plain>) {
+                if constexpr (requires { what.awaited_at(where); }) what.awaited_at(where);
                 return operation_reference<plain>(what);
             } else {
                 static_assert(

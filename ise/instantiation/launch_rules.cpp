@@ -1,6 +1,6 @@
 #include <ise/instantiation/launch_rules.hpp>
 
-#include <ise/component/url.hpp>
+#include <ise/core/url.hpp>
 #include <ise/instantiation/words.hpp>
 
 #include <fmt/format.h>

@@ -1,7 +1,7 @@
 #include <ise/instantiation/probe.hpp>
 
-#include <ise/component/url.hpp>
 #include <ise/core/loop.hpp>
+#include <ise/core/url.hpp>
 
 #include <asio/buffer.hpp>
 #include <asio/error.hpp>

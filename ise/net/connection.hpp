@@ -131,6 +131,8 @@ public:
     /// Whether published packets carry their time.
     bool tells_stamps() const noexcept { return terms_.features & wire::feature::stamps; }
     /// Whether deadlines are told as times of the receiver's clock.
+    /// Whether both sides know traces of 128 bits.
+    bool tells_traces() const noexcept { return terms_.features & wire::feature::traces; }
     bool tells_clock() const noexcept { return terms_.features & wire::feature::clock; }
     /// The last measured round trip of a heartbeat; zero before the first.
     duration round_trip() const noexcept { return alive_.round_trip(); }

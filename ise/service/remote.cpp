@@ -30,7 +30,8 @@ failure misplaced(peer_channel& to, service_key service) {
 
 template <class Link>
 void start(Link&& to, service_key service, duration deadline, const asio::any_io_executor& waiting,
-           call_cancellation& cancellation, call_completion done, outgoing_packet request) {
+           call_cancellation& cancellation, call_completion done, outgoing_packet request,
+           const std::source_location& where) {
     if (!to->runtime().on().running_here()) [[unlikely]] {
         auto why = misplaced(*to, service);
         auto completion = done(call_outcome{&why, nullptr});
@@ -51,6 +52,10 @@ void start(Link&& to, service_key service, duration deadline, const asio::any_io
         call.deadline = std::min(call.deadline, call.made_in->deadline);
         call.trace = call.made_in->trace;
     }
+    call.began = on.now();
+    call.where = where;
+    if (auto* traces = way.runtime().options().traces.get()) [[unlikely]]
+        call.spans = traces->begin_call(call.trace, call.caused_by, call.made_in != nullptr);
     call.done = std::move(done);
     way.submit(call, request);
 }
@@ -64,14 +69,14 @@ std::optional<failure> check_place(peer_channel& to, service_key service) {
 
 void start_call(const std::shared_ptr<peer_channel>& to, service_key service, duration deadline,
                 const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
-                outgoing_packet request) {
-    start(to, service, deadline, waiting, cancellation, std::move(done), request);
+                outgoing_packet request, const std::source_location& where) {
+    start(to, service, deadline, waiting, cancellation, std::move(done), request, where);
 }
 
 void start_call(std::shared_ptr<peer_channel>&& to, service_key service, duration deadline,
                 const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
-                outgoing_packet request) {
-    start(std::move(to), service, deadline, waiting, cancellation, std::move(done), request);
+                outgoing_packet request, const std::source_location& where) {
+    start(std::move(to), service, deadline, waiting, cancellation, std::move(done), request, where);
 }
 
 } // namespace detail

@@ -13,6 +13,7 @@
 #include <exception>
 #include <memory>
 #include <optional>
+#include <source_location>
 #include <string>
 #include <tuple>
 #include <type_traits>
@@ -26,13 +27,14 @@ namespace detail {
 
 /// Everything of a call that needs no types: opens the record, which keeps `to`, fits deadline and trace to the context
 /// that the executor of whoever waits carries, and sends. Off the component's thread nothing is touched and nothing
-/// sent: the call fails, on that executor or, where there is none, on the system's.
+/// sent: the call fails, on that executor or, where there is none, on the system's. `where`: of the `co_await`, for
+/// people.
 void start_call(const std::shared_ptr<peer_channel>& to, service_key service, duration deadline,
                 const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
-                outgoing_packet request);
+                outgoing_packet request, const std::source_location& where = std::source_location());
 void start_call(std::shared_ptr<peer_channel>&& to, service_key service, duration deadline,
                 const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
-                outgoing_packet request);
+                outgoing_packet request, const std::source_location& where = std::source_location());
 /// The same as what a subscriber needs of it.
 std::shared_ptr<subscription_owner> subscriptions_of(std::shared_ptr<peer_channel> to);
 /// A failure where `to` is used on another thread than its component's.
@@ -135,8 +137,10 @@ public:
             return [waiting = std::move(waiting)]() mutable { waiting.resume(); };
         };
         detail::start_call(std::move(to_), service_, deadline_, stack.executor(), cancellation_, std::move(done),
-                           outgoing_packet(request_));
+                           outgoing_packet(request_), where_);
     }
+    /// Where it is awaited (`task_promise_base::await_transform`).
+    void awaited_at(const std::source_location& where) noexcept { where_ = where; }
     Outcome await_resume() {
         if constexpr (detail::is_result<Outcome>) return std::move(*got_);
         else return std::move(got_->value());
@@ -152,6 +156,7 @@ private:
     duration deadline_;
     call_cancellation cancellation_;
     std::optional<result<response_type>> got_;
+    std::source_location where_;
 };
 
 /// A handle to another component, for calls and subscriptions. A value, cheap to copy. It names a path (or an address),

@@ -2,6 +2,7 @@
 
 #include <ise/access/guard.hpp>
 #include <ise/call/call_tap.hpp>
+#include <ise/session/tracer.hpp>
 
 #include <fmt/format.h>
 
@@ -21,6 +22,14 @@ service_host::service_host(environment& env, loop& on, task_scope& scope, wire::
     use_access(own.access, own.own);
     set_titles({this->self().path});
     if (access()) access_seen_ = access()->version();
+    if (this->options().traces)
+        calls_.on_span = [this](const pending_call& call, const failure* why) {
+            trace_id caused = call.trace;
+            caused.parent = call.caused_by;
+            this->options().traces->ended(caused, call.trace.parent, span::side::client, why ? why->code() : errc{},
+                                          call.began, this->on().now() - call.began, call.service, this->self().path,
+                                          call.owner->name());
+        };
 }
 
 void service_host::follow_access() {

@@ -45,6 +45,7 @@ public:
     void start();
 
     outgoing_calls& calls() noexcept { return outgoing_calls_; }
+    const incoming_calls& calls_in() const noexcept { return incoming_calls_; } ///< those of the peer
     outgoing_subscriptions& subscriptions() noexcept { return outgoing_subscriptions_; }
 
     /// The access policy, or who this side is for it, has changed: calls that are denied now are refused, subscriptions

@@ -4,8 +4,11 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 
 namespace ise {
+
+class tracer;
 
 /// Limits and timeouts of the sessions, calls and subscriptions of all components of a node.
 struct service_options {
@@ -42,6 +45,9 @@ struct service_options {
     /// and in a write that was begun, over udp all that is under way: over a slow link a packet is no older than these
     /// take to drain. Fewer cost throughput.
     std::size_t unsent_bytes = 128 * 1024;
+
+    /// Takes the spans of calls; null: none are made. Set by the node (`node_options::traces`).
+    std::shared_ptr<tracer> traces;
 };
 
 } // namespace ise

@@ -32,6 +32,8 @@ struct service_counts {
     std::uint64_t calls_overloaded = 0; ///< of these: beyond a limit
     std::uint64_t packets_published = 0;
     std::uint64_t packets_dropped = 0; ///< by the policies of slow subscribers
+    std::uint64_t packets_received = 0;
+    std::uint64_t packets_lost = 0; ///< of subscriptions of this side: dropped on the way, at the provider or here
     std::uint64_t sessions_accepted = 0;
     std::uint64_t sessions_rejected = 0;
 

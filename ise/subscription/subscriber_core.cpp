@@ -280,6 +280,7 @@ void subscriber_core::keep(const packet_place& place, incoming_packet& packet) {
     if (packet.object()) queue_.push(std::move(*packet.object()), from);
     else queue_.push(packet.bytes(), from);
     ++counts_.received;
+    ++owner_->runtime().counts().packets_received;
     packet_.resume();
 }
 
@@ -304,6 +305,7 @@ result<void> subscriber_core::on_other_packet(const packet_place& place, incomin
     std::uint64_t lost = missing > skipped ? missing - skipped : 0;
     counts_.skipped += std::min<std::uint64_t>(missing, skipped);
     counts_.lost_at_provider += lost;
+    owner_->runtime().counts().packets_lost += lost;
     lost_before_ = gap_of(lost_before_, lost);
     next_sequence_ = sequence + 1;
     if (lost > 0 && options_.policy == overflow::lossless) { // such as one that is too large for this side
@@ -321,6 +323,7 @@ result<void> subscriber_core::on_other_packet(const packet_place& place, incomin
         }
         drop_oldest();
         ++counts_.lost_here;
+        ++owner_->runtime().counts().packets_lost;
     }
     if (adapter_) { // now, as the next session may have another one
         try {

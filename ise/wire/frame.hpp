@@ -44,13 +44,14 @@ std::string_view name_of(frame_type type) noexcept;
 
 /// Bits of `frame_header::flags`; what a bit means depends on the type.
 namespace flag {
-inline constexpr std::uint8_t traced = 1;    ///< request: the body carries a trace
-inline constexpr std::uint8_t numbered = 2;  ///< request: the body carries a number that outlives the session
-inline constexpr std::uint8_t again = 4;     ///< request: it may have been sent before, by that number
-inline constexpr std::uint8_t until = 8;     ///< request: its time is one of the provider's clock (`feature::clock`)
-inline constexpr std::uint8_t skipped = 1;   ///< packet: the body carries a count of packets skipped by rate limit
-inline constexpr std::uint8_t stamped = 2;   ///< packet: the body carries its time of publication (`feature::stamps`)
-inline constexpr std::uint8_t last = 1;      ///< piece: the message is complete
+inline constexpr std::uint8_t traced = 1;   ///< request: the body carries a trace
+inline constexpr std::uint8_t numbered = 2; ///< request: the body carries a number that outlives the session
+inline constexpr std::uint8_t again = 4;    ///< request: it may have been sent before, by that number
+inline constexpr std::uint8_t until = 8;    ///< request: its time is one of the provider's clock (`feature::clock`)
+inline constexpr std::uint8_t wide = 16;    ///< request: of a trace of 128 bits the upper half, too (`feature::traces`)
+inline constexpr std::uint8_t skipped = 1;  ///< packet: the body carries a count of packets skipped by rate limit
+inline constexpr std::uint8_t stamped = 2;  ///< packet: the body carries its time of publication (`feature::stamps`)
+inline constexpr std::uint8_t last = 1;     ///< piece: the message is complete
 inline constexpr std::uint8_t abandoned = 2; ///< piece: the sender gave the message up
 inline constexpr std::uint8_t stalled = 1;   ///< pong: the component is busy; its node answers for it
 inline constexpr std::uint8_t objects = 1;   ///< subscribe: packets may come beside (`feature::objects`)

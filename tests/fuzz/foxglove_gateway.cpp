@@ -2,7 +2,7 @@
 // Any bytes as what a viewer sends: WebSocket frames, the messages in them, and the paths of assets. What is read is
 // within the limits, and what is refused has a reason.
 #include <components/foxglove_gateway/protocol.hpp>
-#include <components/http/web_socket_frames.hpp>
+#include <ise/http/web_socket_frames.hpp>
 
 #include <algorithm>
 #include <cstdlib>
@@ -39,10 +39,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         if (how % 4 == 3) (void)ise::foxglove::asset_path(ise::as_text(input));
         return 0;
     }
-    atirma::web_socket_limits limits;
+    ise::web_socket_limits limits;
     limits.max_message_bytes = 1000;
     limits.max_fragments = 5;
-    atirma::web_socket_reader reader(atirma::web_socket_reader::from::clients, limits);
+    ise::web_socket_reader reader(ise::web_socket_reader::from::clients, limits);
     const std::size_t piece = 1 + how / 4;
     while (!input.empty()) {
         auto used = reader.feed(input.first(std::min(piece, input.size())));
@@ -55,9 +55,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         if (!reader.complete()) continue;
         auto got = reader.take();
         require(got.payload.size() <= limits.max_message_bytes);
-        require(got.kind != atirma::web_socket_opcode::continuation);
-        if (got.kind == atirma::web_socket_opcode::text) read_message(true, got.payload);
-        if (got.kind == atirma::web_socket_opcode::binary) read_message(false, got.payload);
+        require(got.kind != ise::web_socket_opcode::continuation);
+        if (got.kind == ise::web_socket_opcode::text) read_message(true, got.payload);
+        if (got.kind == ise::web_socket_opcode::binary) read_message(false, got.payload);
     }
     return 0;
 }

@@ -1,8 +1,7 @@
-// link: atirma_http
 // Any bytes as what a client sends to the HTTP server, on the virtual network. The input is a list of records: a
 // length (one byte) and so many bytes; length 0 lets five seconds pass. Every connection ends, and what it was answered
 // is HTTP.
-#include <components/http/http_server.hpp>
+#include <ise/http/http_server.hpp>
 
 #include <ise/core/sleep.hpp>
 #include <ise/core/task_scope.hpp>
@@ -13,7 +12,7 @@
 #include <cstdlib>
 
 using namespace std::chrono_literals;
-using namespace atirma;
+using namespace ise;
 
 namespace {
 
@@ -21,7 +20,7 @@ void require(bool holds) {
     if (!holds) std::abort();
 }
 
-constexpr static_file page = {"/index.html", "text/html", "<p>page</p>", "", "\"1\""};
+constexpr ise::static_file page = {"/index.html", "text/html", "<p>page</p>", "", "\"1\""};
 
 struct party {
     party(ise::sim::world& world, const std::string& named)
@@ -34,43 +33,45 @@ struct party {
 struct sea {
     sea() {
         server.serve(std::span(&page, 1));
-        server.get("/long", [](const http_request&) {
-            http_response made;
+        server.get("/long", [](const ise::http_request&) {
+            ise::http_response made;
             made.stream = tell;
             return made;
         });
-        server.events("/events", [](std::string_view last) { return sse_event{"a:1", "snapshot", std::string(last)}; });
-        server.otherwise([](http_request asked) { return answer(std::move(asked)); });
+        server.events("/events", [](std::string_view last) {
+            return ise::sse_event{"a:1", "snapshot", std::string(last)};
+        });
+        server.otherwise([](ise::http_request asked) { return answer(std::move(asked)); });
         server.listen(at()).value();
     }
     static ise::endpoint at() { return ise::endpoint::parse("tcp://shore:80").value(); }
-    static ise::task<http_response> answer(http_request asked) {
+    static ise::task<ise::http_response> answer(ise::http_request asked) {
         require(asked.message.body.size() <= 500);
         if (asked.path == "/throw") throw std::runtime_error("thrown");
-        http_response made;
+        ise::http_response made;
         made.body = asked.message.body;
         made.download_as = asked.query;
         co_return made;
     }
-    static ise::task<> tell(std::shared_ptr<http_stream> to) {
+    static ise::task<> tell(std::shared_ptr<ise::http_stream> to) {
         for (int i = 0; i < 3; ++i) {
             auto unsent = co_await to->write("a piece");
             if (unsent) co_return;
         }
     }
-    static http_limits limits() {
-        http_limits made;
+    static ise::http_limits limits() {
+        ise::http_limits made;
         made.max_requests = 20;
         made.message.max_body_bytes = 500;
         return made;
     }
-    static http_server::spawner spawner(party& of) {
+    static ise::http_server::spawner spawner(party& of) {
         return [&of](std::string name, ise::task<> body) { of.scope.spawn(std::move(name), std::move(body)); };
     }
 
     ise::sim::world world{1};
     party shore{world, "shore"}, net{world, "net"};
-    http_server server{shore.host->loop(), ise::logger(), limits(), spawner(shore)};
+    ise::http_server server{shore.host->loop(), ise::logger(), limits(), spawner(shore)};
 };
 
 ise::task<> talk(ise::loop& on, ise::bytes_view input, std::string& received, bool& closed) {

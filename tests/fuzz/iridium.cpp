@@ -1,12 +1,12 @@
-// link: atirma_iridium atirma_http
+// link: atirma_iridium
 // What the world sends to the Iridium components: DirectIP, RockBLOCK's posts and answers, tokens, AT lines, HTTP. What
 // is accepted must survive a round trip.
-#include <components/http/http_reader.hpp>
 #include <components/iridium/bundle.hpp>
 #include <components/iridium/directip.hpp>
 #include <components/iridium/rockblock.hpp>
 #include <components/iridium/sbd_client.hpp>
 #include <components/iridium/text.hpp>
+#include <ise/http/http_reader.hpp>
 
 #include <algorithm>
 #include <cstdlib>
@@ -65,10 +65,10 @@ void modem(ise::bytes_view raw, std::size_t piece) {
     }
 }
 
-void http(ise::bytes_view raw, std::size_t piece, http_reader::reads what) {
-    http_reader_limits limits;
+void http(ise::bytes_view raw, std::size_t piece, ise::http_reader::reads what) {
+    ise::http_reader_limits limits;
     limits.max_body_bytes = 500;
-    http_reader reader(what, limits);
+    ise::http_reader reader(what, limits);
     for (int messages = 0; !raw.empty() && messages < 100;) {
         auto used = reader.feed(raw.first(std::min(piece, raw.size())));
         if (!used) return;
@@ -93,8 +93,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
         case 0: directip(raw); break;
         case 1: posts(ise::as_text(raw)); break;
         case 2: modem(raw, piece); break;
-        case 3: http(raw, piece, http_reader::reads::requests); break;
-        case 4: http(raw, piece, http_reader::reads::answers); break;
+        case 3: http(raw, piece, ise::http_reader::reads::requests); break;
+        case 4: http(raw, piece, ise::http_reader::reads::answers); break;
         default: (void)unbundle(raw).has_value();
     }
     return 0;

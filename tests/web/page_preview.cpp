@@ -3,12 +3,12 @@
 // receiver off, receiver on, nodes off, nodes on, rough, estimate, close (the server stops listening), open,
 // quit. The end of stdin is quit too. A second boat, Vela, lies at anchor, unless `empty`. `ocean`: a track of 3000
 // fixes from the Canaries to the Caribbean by Iridium, every ten minutes, with an outage of two days.
-#include <components/http/http_server.hpp>
 #include <components/web_server/assets.hpp>
 #include <components/web_server/downloads.hpp>
 #include <components/web_server/page_data.hpp>
 #include <components/web_server/track_state.hpp>
 #include <components/web_server/web_component.hpp>
+#include <ise/http/http_server.hpp>
 
 #include <ise/core/real/environment.hpp>
 #include <ise/core/task_scope.hpp>
@@ -149,8 +149,8 @@ void cross(atirma::track_state& state, atirma::utc_ms now) {
     state.apply(atirma::feed_update{"iridium", true, now - 24h, "", true, std::nullopt}, now);
 }
 
-atirma::http_response json_text(std::string text) {
-    return atirma::http_response{std::move(text), "application/json; charset=utf-8"};
+ise::http_response json_text(std::string text) {
+    return ise::http_response{std::move(text), "application/json; charset=utf-8"};
 }
 
 } // namespace
@@ -167,8 +167,8 @@ int main(int argc, char** argv) {
     auto port = static_cast<std::uint16_t>(argc > 1 ? std::atoi(argv[1]) : 0);
     ise::endpoint address{ise::protocol::tcp, "127.0.0.1", port, {}};
 
-    std::unique_ptr<atirma::http_server> server;
-    atirma::sse_channel *events = nullptr, *named = nullptr;
+    std::unique_ptr<ise::http_server> server;
+    ise::sse_channel *events = nullptr, *named = nullptr;
     std::string_view scene = argc > 2 ? argv[2] : "";
     bool empty = scene == "empty", ocean = scene == "ocean";
     atirma::track_options other = track;
@@ -189,7 +189,7 @@ int main(int argc, char** argv) {
                            empty ? "" : ",", empty ? "" : one(vela));
     };
     auto open = [&] {
-        server = std::make_unique<atirma::http_server>(
+        server = std::make_unique<ise::http_server>(
             host->loop(), ise::logger(), atirma::page_limits(),
             [&](std::string name, ise::task<> body) { scope.spawn(std::move(name), std::move(body)); });
         server->serve(atirma::page_assets());
@@ -216,7 +216,7 @@ int main(int argc, char** argv) {
         server.reset();
     };
     open();
-    auto publish = [&](std::optional<atirma::sse_event> event) {
+    auto publish = [&](std::optional<ise::sse_event> event) {
         for (auto* stream : {events, named})
             if (event && stream) stream->publish(*event);
     };
@@ -271,7 +271,7 @@ int main(int argc, char** argv) {
             publish(state.status(wall_clock()));
             if (!empty && !ocean) {
                 moor();
-                publish(atirma::sse_event{"", "fleet", fleet()});
+                publish(ise::sse_event{"", "fleet", fleet()});
             }
             if (events) events->tick();
             tick();

@@ -128,6 +128,9 @@ SUBSCRIBED = GREETED + I(subscribe()) + R(subscribed())
 STAMPED = I(hello(features=39)) + R(welcome(features=39)) + I(subscribe(min_interval_ns=1)) + R(subscribed())
 
 
+TRACED = I(hello(features=71)) + R(welcome(features=71))
+
+
 def good_session() -> Session:
     """Does a bit of everything and breaks nothing."""
     whole = REQUEST.pack(0, 5) + said("x" * 50)
@@ -221,6 +224,10 @@ BROKEN: dict[str, tuple[Session, str]] = {
     "a short request": (GREETED + I(introduce(), encode_frame("request", 0, b"x" * 11)), "at least 12 bytes"),
     "a short traced request": (GREETED + I(introduce(), request(flags=1)), "at least 28 bytes"),
     "no trace": (GREETED + I(introduce(), request(flags=1, body=bytes(16) + said("x"))), "a traced request has a trace"),
+    "wide without the feature": (GREETED + I(introduce(), request(flags=17, body=struct.pack("<QQQ", 3, 0, 4) + said("x"))), "wide is a flag of traced"),
+    "wide without a trace": (TRACED + I(introduce(), request(flags=16)), "wide is a flag of traced"),
+    "a wide trace without its upper half": (TRACED + I(introduce(), request(flags=17, body=bytes([3]) + bytes(23) + said("x"))), "upper half of a wide trace"),
+    "a short wide request": (TRACED + I(introduce(), request(flags=17, body=bytes(23))), "at least 36 bytes"),
     "negative time": (GREETED + I(introduce(), request(left=-1)), "the time that is left is not negative"),
     "not introduced": (GREETED + I(request()), "service 0 was not introduced"),
     "a request that is none": (GREETED + I(introduce(), request(body=b"\5")), "the request is no struct"),

@@ -21,7 +21,8 @@ FLAGS = {"request": {1: "traced"}, "packet": {1: "skipped"}, "pong": {1: "stalle
 FLAGS_OVER_DATAGRAMS = {"request": {2: "numbered", 4: "again"}}
 FLAGS_WITH_CLOCKS = {"request": {8: "until"}}
 FLAGS_WITH_STAMPS = {"packet": {2: "stamped"}}
-CLOCK, STAMPS = 16, 32  # the features
+FLAGS_WITH_TRACES = {"request": {16: "wide"}}
+CLOCK, STAMPS, TRACES = 16, 32, 64  # the features
 WITHOUT_ID = {"hello", "welcome", "reject", "challenge", "proof", "goodbye", "schema_request", "schema"}
 CODES = ("refused no_such_service type_mismatch timed_out peer_lost cancelled overloaded handler_failed malformed too_large "
          "protocol_error version_mismatch wrong_peer unreachable no_such_name name_taken name_server_lost superseded "

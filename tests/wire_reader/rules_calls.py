@@ -3,7 +3,7 @@ import struct
 from dataclasses import dataclass, field
 from typing import Any
 
-from frames import REQUEST, TRACE
+from frames import REQUEST, TRACE, TRACES
 
 MOST_SERVICES = 4096
 
@@ -45,7 +45,8 @@ class CallRules:
 
     def on_request(self, side, frame) -> Any:
         caller, traced, numbered = self.callers[side.name], bool(frame.flags & 1), bool(frame.flags & 2)
-        prefix = REQUEST.size + (TRACE.size if traced else 0) + (8 if numbered else 0)
+        wide = traced and bool(frame.flags & 16)
+        prefix = REQUEST.size + (TRACE.size if traced else 0) + (8 if wide else 0) + (8 if numbered else 0)
         if not self.on.require(len(frame.body) >= prefix, side, frame, f"a request has at least {prefix} bytes"):
             return None
         service, left_ns = REQUEST.unpack_from(frame.body)
@@ -53,6 +54,10 @@ class CallRules:
         if traced:
             said["trace"], said["parent"] = TRACE.unpack_from(frame.body, REQUEST.size)
             self.on.require(said["trace"] != 0, side, frame, "a traced request has a trace")
+        if wide:
+            said["high"] = struct.unpack_from("<Q", frame.body, REQUEST.size + TRACE.size)[0]
+            self.on.require(said["high"] != 0, side, frame, "the upper half of a wide trace is not zero")
+        self.on.require(not frame.flags & 16 or (traced and self.on.has(TRACES)), side, frame, "wide is a flag of traced requests, with feature 64")
         self.on.require(left_ns >= 0 or bool(frame.flags & 8), side, frame, f"the time that is left is not negative: {left_ns}")
         if numbered:
             said |= {"number": struct.unpack_from("<Q", frame.body, prefix - 8)[0], "again": bool(frame.flags & 4)}

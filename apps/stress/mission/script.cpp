@@ -3,7 +3,7 @@
 #include "processes.hpp"
 
 #include <components/boat_simulator/services.hpp>
-#include <components/http/stream_http_client.hpp>
+#include <ise/http/stream_http_client.hpp>
 
 #include <ise/core/environment.hpp>
 
@@ -67,8 +67,8 @@ ise::task<bool> mission::script::see_the_boat() {
 /// What only the page knows in the end: what it has shown.
 ise::task<> mission::script::learn() {
     if (of_.options_.page.empty()) co_return;
-    stream_http_client client(on());
-    http_exchange ask;
+    ise::stream_http_client client(on());
+    ise::http_exchange ask;
     ask.url = "http://" + of_.options_.page + "/api/status";
     auto answer = co_await client.exchange(ask, 20s);
     auto told = nlohmann::json::parse(answer ? answer->body : std::string(), nullptr, false);

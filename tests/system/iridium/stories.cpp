@@ -1,8 +1,8 @@
 #include "ocean.hpp"
 
-#include <components/http/stream_http_client.hpp>
 #include <components/iridium/rockblock.hpp>
 #include <components/iridium_proxy/sbd_store.hpp>
+#include <ise/http/stream_http_client.hpp>
 
 #include <support/catch.hpp>
 #include <support/damaged_file.hpp>
@@ -46,10 +46,10 @@ iridium_gateway_request gateway_up(bool up) {
 }
 
 /// One post to the proxy, as the gateway makes it.
-void post(ocean& it, const iridium::mo_delivery& what, std::optional<ise::result<http_answer>>& into) {
+void post(ocean& it, const iridium::mo_delivery& what, std::optional<ise::result<ise::http_answer>>& into) {
     it.user([body = iridium::encode_mo_form(what), &into](ise::component& self) -> ise::task<> {
-        stream_http_client client(self.on());
-        http_exchange request;
+        ise::stream_http_client client(self.on());
+        ise::http_exchange request;
         request.method = "POST";
         request.url = "http://shore:7480/rockblock/mo";
         request.body = body;
@@ -164,7 +164,7 @@ TEST_CASE("iridium: a proxy that dies between the disk and the 200 loses nothing
     it.start();
     auto& seen = it.watch();
     REQUIRE(it.until([&] { return seen.account.has_value(); }));
-    std::optional<ise::result<http_answer>> first, again;
+    std::optional<ise::result<ise::http_answer>> first, again;
     post(it, delivery(it, 1), first);
     REQUIRE(it.until([&] { return kept(it) == 1; }));
     it.world.net().partition("console", "shore"); // the 200 is on its way at most
@@ -191,7 +191,7 @@ TEST_CASE("iridium: what came while nobody listened waits on disk for the first 
     without_boat(it);
     it.start();
     auto& seen = it.watch(false);
-    std::optional<ise::result<http_answer>> answers[3];
+    std::optional<ise::result<ise::http_answer>> answers[3];
     for (std::uint32_t i = 0; i < 3; ++i) {
         post(it, delivery(it, 3 - i), answers[i]); // the newest first
         REQUIRE(it.until([&] { return answers[i].has_value(); }));
@@ -516,7 +516,7 @@ TEST_CASE("iridium: a proxy whose file is no database sets it aside, says so, an
     it.proxy_options.database = disk.file();
     it.start();
     it.world.run_for(5s);
-    std::optional<ise::result<http_answer>> answer;
+    std::optional<ise::result<ise::http_answer>> answer;
     post(it, delivery(it, 1), answer);
     REQUIRE(it.world.run_until([&] { return answer.has_value(); }, 30s));
     REQUIRE(*answer);
@@ -546,7 +546,7 @@ TEST_CASE("iridium: a proxy whose file has a damaged page keeps all that can sti
     it.proxy_options.database = disk.file();
     it.start();
     auto& seen = it.watch();
-    std::optional<ise::result<http_answer>> answer;
+    std::optional<ise::result<ise::http_answer>> answer;
     it.world.run_for(10s);
     post(it, delivery(it, 1), answer);
     CHECK(it.world.run_until([&] { return answer && *answer && (*answer)->status == 200; }, 30s));

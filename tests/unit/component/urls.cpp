@@ -1,4 +1,4 @@
-#include <ise/component/url.hpp>
+#include <ise/core/url.hpp>
 
 #include <support/catch.hpp>
 

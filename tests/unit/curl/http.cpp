@@ -26,12 +26,12 @@ struct shore {
         made.ca_file = certificates::made().file("server.pem");
         return made;
     }
-    ise::result<http_answer> get(std::string url, ise::duration within = 1min) {
-        http_exchange what;
+    ise::result<ise::http_answer> get(std::string url, ise::duration within = 1min) {
+        ise::http_exchange what;
         what.url = std::move(url);
         return ask(std::move(what), within);
     }
-    ise::result<http_answer> ask(http_exchange what, ise::duration within = 1min) {
+    ise::result<ise::http_answer> ask(ise::http_exchange what, ise::duration within = 1min) {
         return all.run(here, client.exchange(std::move(what), within));
     }
 };
@@ -41,8 +41,8 @@ ise::task<> greet(visitor& who) {
     co_await who.say("HTTP/1.1 200 OK\r\nContent-Length: 5\r\nX-Credits:  17 \r\n\r\nhello");
 }
 
-http_exchange post(std::string url) {
-    http_exchange made;
+ise::http_exchange post(std::string url) {
+    ise::http_exchange made;
     made.method = "POST";
     made.url = std::move(url);
     made.headers = {{"Content-Type", "application/x-www-form-urlencoded"}, {"X-Empty", ""}};
@@ -99,7 +99,7 @@ TEST_CASE("a server with another's certificate, or one that nobody vouches for, 
     curl_http_options options;
     options.ca_file = certificates::made().file("other.pem");
     curl_http_client trusting(s.transfers, options);
-    http_exchange what;
+    ise::http_exchange what;
     what.url = stranger.at("https");
     answer = s.all.run(s.here, trusting.exchange(what, 1min));
     REQUIRE_FALSE(answer);
@@ -113,7 +113,7 @@ TEST_CASE("a CA file that is not there is said so") {
     curl_http_options options;
     options.ca_file = "/nowhere/ca.pem";
     curl_http_client client(s.transfers, options);
-    http_exchange what;
+    ise::http_exchange what;
     what.url = server.at("https");
     auto answer = s.all.run(s.here, client.exchange(what, 1min));
     REQUIRE_FALSE(answer);
@@ -200,7 +200,7 @@ TEST_CASE("nonsense instead of an answer is an error") {
 TEST_CASE("requests that cannot be are not sent") {
     shore s;
     scripted_server server(s.all, s.here, greet);
-    http_exchange bad_method, bad_header, bad_value;
+    ise::http_exchange bad_method, bad_header, bad_value;
     bad_method.url = bad_header.url = bad_value.url = server.at("http");
     bad_method.method = "GET / HTTP/1.1\r\nX:";
     bad_header.headers = {{"X\r\nY", "1"}};
@@ -219,7 +219,7 @@ TEST_CASE("an exchange that is given up ends its connection") {
     shore s;
     scripted_server server(
         s.all, s.here, [](visitor& who) { return who.silence(); }, "server");
-    http_exchange what;
+    ise::http_exchange what;
     what.url = server.at("https");
     auto asking = ise_test::start(s.here.on, s.client.exchange(what, 1h));
     s.all.run_until([&] { return !server.visitors.empty() && !server.visitors.front().heard.empty(); });
@@ -231,8 +231,8 @@ TEST_CASE("an exchange that is given up ends its connection") {
 TEST_CASE("many exchanges run side by side") {
     shore s;
     scripted_server server(s.all, s.here, greet, "server");
-    std::vector<std::shared_ptr<ise_test::started<ise::result<http_answer>>>> all;
-    http_exchange what;
+    std::vector<std::shared_ptr<ise_test::started<ise::result<ise::http_answer>>>> all;
+    ise::http_exchange what;
     what.url = server.at("https");
     for (int i = 0; i < 20; ++i) all.push_back(ise_test::start(s.here.on, s.client.exchange(what, 1min)));
     s.all.run_until([&] { return std::all_of(all.begin(), all.end(), [](auto& one) { return one->done; }); });
@@ -255,7 +255,7 @@ TEST_CASE("a component that is stopped in the middle of an exchange ends, and it
         [url](ise::component& self) -> ise::task<> {
             curl_transfers transfers(self.on());
             curl_http_client client(transfers);
-            http_exchange what;
+            ise::http_exchange what;
             what.url = url;
             auto never = co_await client.exchange(what, 1h);
             self.log().info(never ? "answered" : never.error().message());

@@ -24,7 +24,7 @@ namespace {
 using namespace ise::foxglove;
 using namespace names_test;
 using nlohmann::json;
-using opcode = atirma::web_socket_opcode;
+using opcode = ise::web_socket_opcode;
 
 std::uint32_t u32_of(std::string_view from, std::size_t at) {
     return ise::detail::load_little<std::uint32_t>(reinterpret_cast<const std::byte*>(from.data()) + at);

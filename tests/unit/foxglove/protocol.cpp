@@ -2,7 +2,7 @@
 #include <components/foxglove_gateway/foxglove_gateway.hpp>
 #include <components/foxglove_gateway/protocol.hpp>
 #include <components/foxglove_gateway/viewer.hpp>
-#include <components/http/web_socket_frames.hpp>
+#include <ise/http/web_socket_frames.hpp>
 
 #include <support/catch.hpp>
 
@@ -28,9 +28,9 @@ std::string why(const std::string& text) {
 }
 
 // The payloads of frames; the first four bytes after the opcode of a binary one are the subscription.
-std::vector<atirma::web_socket_message> frames(const std::string& bytes) {
-    atirma::web_socket_reader reader(atirma::web_socket_reader::from::servers);
-    std::vector<atirma::web_socket_message> made;
+std::vector<ise::web_socket_message> frames(const std::string& bytes) {
+    ise::web_socket_reader reader(ise::web_socket_reader::from::servers);
+    std::vector<ise::web_socket_message> made;
     for (auto rest = ise::as_bytes(bytes); !rest.empty();) {
         rest = rest.subspan(reader.feed(rest).value());
         if (reader.complete()) made.push_back(reader.take());
@@ -42,7 +42,7 @@ std::shared_ptr<const channel_message> message(std::string payload) {
     made->payload = std::move(payload);
     return made;
 }
-std::string text_in(const atirma::web_socket_message& data) { return data.payload.substr(13); }
+std::string text_in(const ise::web_socket_message& data) { return data.payload.substr(13); }
 
 } // namespace
 

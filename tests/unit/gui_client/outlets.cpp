@@ -17,16 +17,16 @@ namespace {
 
 struct kept_request {
     ise::time_point at;
-    http_exchange what;
+    ise::http_exchange what;
 };
 
 /// A web hook that keeps what it gets, and answers as it is told.
-struct fake_hook : http_client {
+struct fake_hook : ise::http_client {
     fake_hook(ise::loop& on, std::vector<kept_request>& posts, const int& status)
         : on_(on), posts_(posts), status_(status) {}
-    ise::task<ise::result<http_answer>> exchange(http_exchange what, ise::duration) override {
+    ise::task<ise::result<ise::http_answer>> exchange(ise::http_exchange what, ise::duration) override {
         posts_.push_back({on_.now(), std::move(what)});
-        http_answer answer;
+        ise::http_answer answer;
         answer.status = status_;
         if (status_ == 0) co_return ise::failure(ise::errc::unreachable, "no route to the hook");
         co_return answer;
@@ -53,7 +53,7 @@ struct alarmed {
         options.outlets.mail_to = {"anna@example.org"};
         options.outlets.hook_url = "https://hook.example.org/boat";
         options.outlets.make_mail_sender = [this](ise::loop& on) { return mails.open_sender(on); };
-        options.outlets.make_http_client = [this](ise::loop& on) -> std::unique_ptr<http_client> {
+        options.outlets.make_http_client = [this](ise::loop& on) -> std::unique_ptr<ise::http_client> {
             return std::make_unique<fake_hook>(on, posts, status);
         };
         world.host("desk").start_process("console", [options](ise::sim::process& here) -> std::shared_ptr<void> {

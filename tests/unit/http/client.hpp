@@ -1,5 +1,5 @@
 #pragma once
-#include <components/http/http_server.hpp>
+#include <ise/http/http_server.hpp>
 
 #include <ise/core/real/environment.hpp>
 #include <ise/core/task_scope.hpp>

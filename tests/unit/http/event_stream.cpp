@@ -1,4 +1,4 @@
-#include <components/http/http_server.hpp>
+#include <ise/http/http_server.hpp>
 
 #include <unit/http/client.hpp>
 
@@ -16,10 +16,10 @@ namespace {
 bool has(const std::string& text, std::string_view part) { return text.find(part) != std::string::npos; }
 
 struct stream_site : web_test::grounds {
-    explicit stream_site(atirma::http_limits limits = {}, const std::string& address = "127.0.0.1")
+    explicit stream_site(ise::http_limits limits = {}, const std::string& address = "127.0.0.1")
         : server(host->loop(), log, limits, spawner()) {
         events = &server.events("/events", [this](std::string_view last) {
-            return atirma::sse_event{"e:" + std::to_string(++snapshots), "snapshot", "after " + std::string(last)};
+            return ise::sse_event{"e:" + std::to_string(++snapshots), "snapshot", "after " + std::string(last)};
         });
         server.listen(web_test::any_port(address)).value();
     }
@@ -33,12 +33,12 @@ struct stream_site : web_test::grounds {
         while (events->clients() != wanted) context.restart(), context.run_one();
     }
     int snapshots = 0;
-    atirma::http_server server;
-    atirma::sse_channel* events = nullptr;
+    ise::http_server server;
+    ise::sse_channel* events = nullptr;
 };
 
 /// A client that takes what it is given only when told to.
-struct slow_sink final : atirma::sse_sink {
+struct slow_sink final : ise::sse_sink {
     void write(std::shared_ptr<const std::string> text, written done) override {
         REQUIRE_FALSE(waiting);
         texts.push_back(*text);
@@ -91,7 +91,7 @@ TEST_CASE("a client that leaves is forgotten at once") {
 }
 
 TEST_CASE("more watchers than allowed are told so and the others stay") {
-    atirma::http_limits limits;
+    ise::http_limits limits;
     limits.streams.max_clients = 1;
     stream_site s(limits);
     auto c = s.watcher();
@@ -106,7 +106,7 @@ TEST_CASE("more watchers than allowed are told so and the others stay") {
 TEST_CASE("page: of too many streams the host with the most loses one to another host") {
     const auto elsewhere = another_host();
     if (elsewhere.empty()) return;
-    atirma::http_limits limits;
+    ise::http_limits limits;
     limits.streams.max_clients = 3;
     stream_site s(limits, "0.0.0.0");
     std::vector<std::unique_ptr<client>> crowd;
@@ -144,7 +144,7 @@ TEST_CASE("stopping ends streams and connections and leaves the port free") {
     CHECK(s.events->clients() == 0);
     CHECK(s.server.statistics().open_connections == 0);
     while (s.scope.size() > 0) s.turn(); // every coroutine ends by itself
-    atirma::http_server next(s.host->loop(), s.log, {}, s.spawner());
+    ise::http_server next(s.host->loop(), s.log, {}, s.spawner());
     next.listen(at).value();
     CHECK(next.where() == at);
 }
@@ -152,9 +152,8 @@ TEST_CASE("stopping ends streams and connections and leaves the port free") {
 TEST_CASE("a server that is destroyed under open connections leaves nothing behind") {
     web_test::grounds here;
     auto& context = here.context;
-    auto server =
-        std::make_unique<atirma::http_server>(here.host->loop(), here.log, atirma::http_limits(), here.spawner());
-    server->events("/events", [](std::string_view) { return atirma::sse_event{"", "snapshot", "{}"}; });
+    auto server = std::make_unique<ise::http_server>(here.host->loop(), here.log, ise::http_limits(), here.spawner());
+    server->events("/events", [](std::string_view) { return ise::sse_event{"", "snapshot", "{}"}; });
     server->listen(web_test::any_port()).value();
     client watching(context, server->where().port), halfway(context, server->where().port);
     watching.get("/events");
@@ -168,7 +167,7 @@ TEST_CASE("a server that is destroyed under open connections leaves nothing behi
 }
 
 TEST_CASE("a real client that does not read holds a bounded amount and gets a fresh snapshot when it does") {
-    atirma::http_limits limits;
+    ise::http_limits limits;
     limits.streams.max_queued_bytes = 64 * 1024;
     stream_site s(limits);
     auto slow = s.watcher();
@@ -190,11 +189,11 @@ TEST_CASE("a real client that does not read holds a bounded amount and gets a fr
 
 TEST_CASE("a slow client's queue gives way to one snapshot, and the skipped events are counted") {
     int snapshots = 0;
-    atirma::sse_limits limits;
+    ise::sse_limits limits;
     limits.max_queued_bytes = 100;
-    atirma::sse_channel channel(
+    ise::sse_channel channel(
         [&](std::string_view) {
-            return atirma::sse_event{"", "snapshot", std::to_string(++snapshots)};
+            return ise::sse_event{"", "snapshot", std::to_string(++snapshots)};
         },
         limits);
     auto sink = std::make_shared<slow_sink>();
@@ -211,7 +210,7 @@ TEST_CASE("a slow client's queue gives way to one snapshot, and the skipped even
 }
 
 TEST_CASE("events that fit the queue wait and arrive together, none lost") {
-    atirma::sse_channel channel([](std::string_view) { return atirma::sse_event{"", "snapshot", ""}; });
+    ise::sse_channel channel([](std::string_view) { return ise::sse_event{"", "snapshot", ""}; });
     auto sink = std::make_shared<slow_sink>();
     channel.add(sink, "");
     channel.publish({"", "update", "one"});
@@ -223,9 +222,9 @@ TEST_CASE("events that fit the queue wait and arrive together, none lost") {
 
 TEST_CASE("clients that know nothing share one snapshot, and learn what came after it") {
     std::vector<std::string> asked;
-    atirma::sse_channel channel([&](std::string_view last) {
+    ise::sse_channel channel([&](std::string_view last) {
         asked.emplace_back(last);
-        return atirma::sse_event{"life:" + std::to_string(asked.size()), "snapshot", "since " + std::string(last)};
+        return ise::sse_event{"life:" + std::to_string(asked.size()), "snapshot", "since " + std::string(last)};
     });
     std::vector<std::shared_ptr<slow_sink>> sinks;
     auto add = [&](std::string_view last) {
@@ -251,11 +250,11 @@ TEST_CASE("clients that know nothing share one snapshot, and learn what came aft
 
 TEST_CASE("a client that fell behind is told what it lacks, not everything") {
     std::string asked;
-    atirma::sse_limits limits;
+    ise::sse_limits limits;
     limits.max_queued_bytes = 60;
-    atirma::sse_channel channel(
+    ise::sse_channel channel(
         [&](std::string_view last) {
-            return asked = last, atirma::sse_event{"a:9", "snapshot", ""};
+            return asked = last, ise::sse_event{"a:9", "snapshot", ""};
         },
         limits);
     auto sink = std::make_shared<slow_sink>();
@@ -269,9 +268,9 @@ TEST_CASE("a client that fell behind is told what it lacks, not everything") {
 }
 
 TEST_CASE("a client that takes nothing for several ticks is dropped") {
-    atirma::sse_limits limits;
+    ise::sse_limits limits;
     limits.max_stuck_ticks = 3;
-    atirma::sse_channel channel([](std::string_view) { return atirma::sse_event{"", "snapshot", ""}; }, limits);
+    ise::sse_channel channel([](std::string_view) { return ise::sse_event{"", "snapshot", ""}; }, limits);
     auto stuck = std::make_shared<slow_sink>();
     channel.add(stuck, "");
     channel.tick();
@@ -285,8 +284,8 @@ TEST_CASE("a client that takes nothing for several ticks is dropped") {
 }
 
 TEST_CASE("a client whose write fails is forgotten, also in the middle of publishing") {
-    auto channel = std::make_unique<atirma::sse_channel>([](std::string_view) {
-        return atirma::sse_event{"", "snapshot", ""};
+    auto channel = std::make_unique<ise::sse_channel>([](std::string_view) {
+        return ise::sse_event{"", "snapshot", ""};
     });
     auto broken = std::make_shared<slow_sink>(), fine = std::make_shared<slow_sink>();
     channel->add(broken, "");
@@ -299,7 +298,7 @@ TEST_CASE("a client whose write fails is forgotten, also in the middle of publis
 }
 
 TEST_CASE("line breaks in an event cannot forge another") {
-    CHECK(atirma::encode_event({"1\nevent: x", "up\r\ndate", "a\nb\r\nc"}) ==
+    CHECK(ise::encode_event({"1\nevent: x", "up\r\ndate", "a\nb\r\nc"}) ==
           "id: 1event: x\nevent: update\ndata: a\ndata: b\ndata: c\n\n");
 }
 

@@ -1,5 +1,5 @@
-#include <components/http/http_server.hpp>
-#include <components/http/stream_http_client.hpp>
+#include <ise/http/http_server.hpp>
+#include <ise/http/stream_http_client.hpp>
 
 #include <ise/component/node.hpp>
 #include <ise/sim/world.hpp>
@@ -12,7 +12,7 @@
 
 namespace server_test {
 
-using namespace atirma;
+using namespace ise;
 using namespace std::chrono_literals;
 
 namespace {
@@ -24,11 +24,11 @@ ise::endpoint place(const std::string& host, std::uint16_t port) {
 /// A server that answers with what it was told, on the virtual world.
 class hook final : public ise::component {
 public:
-    explicit hook(http_limits limits) : limits_(limits) {}
+    explicit hook(ise::http_limits limits) : limits_(limits) {}
     std::vector<std::string> bodies;
     ise::duration thinks{};
-    std::unique_ptr<http_server> server;
-    sse_channel* events = nullptr;
+    std::unique_ptr<ise::http_server> server;
+    ise::sse_channel* events = nullptr;
     int snapshots = 0;
     std::size_t pieces = 3, written = 0; ///< of /long, of 64 KiB each
     bool told = false;                   ///< all of it, or until the client left
@@ -36,28 +36,28 @@ public:
 private:
     ise::task<> run() override {
         auto spawner = [this](std::string name, ise::task<> body) { spawn(std::move(name), std::move(body)); };
-        server = std::make_unique<http_server>(on(), log(), limits_, spawner);
-        server->otherwise([this](http_request request) { return serve(std::move(request)); });
-        server->get("/long", [this](const http_request&) {
-            http_response made;
-            made.stream = [this](std::shared_ptr<http_stream> to) { return tell(std::move(to)); };
+        server = std::make_unique<ise::http_server>(on(), log(), limits_, spawner);
+        server->otherwise([this](ise::http_request request) { return serve(std::move(request)); });
+        server->get("/long", [this](const ise::http_request&) {
+            ise::http_response made;
+            made.stream = [this](std::shared_ptr<ise::http_stream> to) { return tell(std::move(to)); };
             return made;
         });
         events = &server->events("/events", [this](std::string_view last) {
-            return sse_event{"e:" + std::to_string(++snapshots), "snapshot", "after " + std::string(last)};
+            return ise::sse_event{"e:" + std::to_string(++snapshots), "snapshot", "after " + std::string(last)};
         });
         server->listen(place("0.0.0.0", 8080)).value();
         co_return;
     }
-    ise::task<http_response> serve(http_request request) {
+    ise::task<ise::http_response> serve(ise::http_request request) {
         if (thinks > 0s) co_await sleep(thinks);
         if (request.message.body == "throw") throw std::runtime_error("as it was told to");
-        http_response answer;
+        ise::http_response answer;
         answer.body = request.message.method + " " + request.message.target + " " + request.message.body;
         bodies.push_back(std::move(request.message.body));
         co_return answer;
     }
-    ise::task<> tell(std::shared_ptr<http_stream> to) {
+    ise::task<> tell(std::shared_ptr<ise::http_stream> to) {
         const std::string piece(64 * 1024, 'x');
         std::error_code unsent;
         while (!unsent && written < pieces) {
@@ -66,11 +66,11 @@ private:
         }
         told = true;
     }
-    http_limits limits_;
+    ise::http_limits limits_;
 };
 
 struct harbour {
-    explicit harbour(http_limits limits = {}) {
+    explicit harbour(ise::http_limits limits = {}) {
         world.host("shore").start_process("hook", [this, limits](ise::sim::process& here) -> std::shared_ptr<void> {
             auto node = std::make_shared<ise::node>(here, quiet());
             ise::component_options silent;
@@ -95,11 +95,11 @@ struct harbour {
             return node;
         });
     }
-    using outcome = std::optional<ise::result<http_answer>>;
+    using outcome = std::optional<ise::result<ise::http_answer>>;
     void ask(std::string body, outcome& into, ise::duration within = 5s, std::string url = "http://shore:8080/mo?x=1") {
         user([=, &into](ise::component& self) -> ise::task<> {
-            stream_http_client client(self.on());
-            http_exchange what;
+            ise::stream_http_client client(self.on());
+            ise::http_exchange what;
             what.method = "POST";
             what.url = url;
             what.body = body;
@@ -202,7 +202,7 @@ TEST_CASE("http: strangers who say nothing, never end, talk nonsense or too much
 }
 
 TEST_CASE("http: too many connections are told so, and those that are served go on") {
-    http_limits limits;
+    ise::http_limits limits;
     limits.max_connections = 2;
     harbour it(limits);
     it.server->thinks = 5s;
@@ -252,7 +252,7 @@ TEST_CASE("http: requests sent at once are answered one after the other, however
 }
 
 TEST_CASE("http: one connection has so many requests, and is closed then") {
-    http_limits limits;
+    ise::http_limits limits;
     limits.max_requests = 2;
     harbour it(limits);
     std::string received;
@@ -348,7 +348,7 @@ TEST_CASE("http: HEAD of an event stream opens none, and other methods are refus
 }
 
 TEST_CASE("http: thousands of connections that say nothing or little are bounded, and go in time") {
-    http_limits limits;
+    ise::http_limits limits;
     limits.max_connections = 200;
     harbour it(limits);
     constexpr std::size_t count = 2000;

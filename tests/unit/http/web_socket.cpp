@@ -1,6 +1,6 @@
 // WebSocket frames, whatever a peer sends, and WebSockets over the HTTP server on the virtual world.
-#include <components/http/http_server.hpp>
-#include <components/http/web_socket_frames.hpp>
+#include <ise/http/http_server.hpp>
+#include <ise/http/web_socket_frames.hpp>
 
 #include <ise/component/node.hpp>
 #include <ise/sim/world.hpp>
@@ -15,19 +15,19 @@
 namespace web_socket_test {
 namespace {
 
-using namespace atirma;
+using namespace ise;
 using namespace std::chrono_literals;
 using opcode = web_socket_opcode;
 
 struct outcome {
-    std::vector<web_socket_message> all;
-    std::optional<web_socket_code> refused;
+    std::vector<ise::web_socket_message> all;
+    std::optional<ise::web_socket_code> refused;
 };
 
 // Feeds in pieces of a size.
-outcome read(std::string_view bytes, std::size_t piece, web_socket_limits limits = {},
-             web_socket_reader::from whose = web_socket_reader::from::clients) {
-    web_socket_reader reader(whose, limits);
+outcome read(std::string_view bytes, std::size_t piece, ise::web_socket_limits limits = {},
+             ise::web_socket_reader::from whose = ise::web_socket_reader::from::clients) {
+    ise::web_socket_reader reader(whose, limits);
     outcome made;
     while (!bytes.empty()) {
         auto part = bytes.substr(0, piece);
@@ -46,7 +46,7 @@ outcome read(std::string_view bytes, std::size_t piece, web_socket_limits limits
 
 std::string masked(opcode kind, std::string_view payload, bool last = true) {
     std::string made;
-    append_masked_frame(made, kind, payload, 0x1badf00d, last);
+    ise::append_masked_frame(made, kind, payload, 0x1badf00d, last);
     return made;
 }
 
@@ -57,13 +57,13 @@ std::string close_payload(std::uint16_t code, std::string_view reason = "") {
 } // namespace
 
 TEST_CASE("the handshake's answer is that of RFC 6455") {
-    CHECK(web_socket_accept("dGhlIHNhbXBsZSBub25jZQ==") == "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
-    CHECK(is_web_socket_key("dGhlIHNhbXBsZSBub25jZQ=="));
-    CHECK_FALSE(is_web_socket_key("dGhlIHNhbXBsZSBub25jZQ"));
-    CHECK_FALSE(is_web_socket_key("dGhlIHNhbXBsZSBub25jZ\r\n="));
-    CHECK(lists_token("keep-alive, UPGRADE", "upgrade"));
-    CHECK_FALSE(lists_token("upgraded", "upgrade"));
-    CHECK_FALSE(lists_token("", "upgrade"));
+    CHECK(ise::web_socket_accept("dGhlIHNhbXBsZSBub25jZQ==") == "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=");
+    CHECK(ise::is_web_socket_key("dGhlIHNhbXBsZSBub25jZQ=="));
+    CHECK_FALSE(ise::is_web_socket_key("dGhlIHNhbXBsZSBub25jZQ"));
+    CHECK_FALSE(ise::is_web_socket_key("dGhlIHNhbXBsZSBub25jZ\r\n="));
+    CHECK(ise::lists_token("keep-alive, UPGRADE", "upgrade"));
+    CHECK_FALSE(ise::lists_token("upgraded", "upgrade"));
+    CHECK_FALSE(ise::lists_token("", "upgrade"));
 }
 
 TEST_CASE("frames of all lengths are read, in whatever pieces they come") {
@@ -81,8 +81,8 @@ TEST_CASE("frames of all lengths are read, in whatever pieces they come") {
     }
     // What a server sends is read by a client's reader.
     std::string answer;
-    append_frame(answer, opcode::text, "hello");
-    auto got = read(answer, 1, {}, web_socket_reader::from::servers);
+    ise::append_frame(answer, opcode::text, "hello");
+    auto got = read(answer, 1, {}, ise::web_socket_reader::from::servers);
     REQUIRE(got.all.size() == 1);
     CHECK(got.all[0].payload == "hello");
 }
@@ -99,45 +99,49 @@ TEST_CASE("fragments make one message, with control frames between them") {
 }
 
 TEST_CASE("what violates the protocol is refused with its code") {
-    auto code_of = [](const std::string& sent, web_socket_limits limits = {}) { return read(sent, 5, limits).refused; };
+    auto code_of = [](const std::string& sent, ise::web_socket_limits limits = {}) {
+        return read(sent, 5, limits).refused;
+    };
     std::string unmasked;
-    append_frame(unmasked, opcode::text, "hello");
-    CHECK(code_of(unmasked) == web_socket_code::protocol_error);
+    ise::append_frame(unmasked, opcode::text, "hello");
+    CHECK(code_of(unmasked) == ise::web_socket_code::protocol_error);
     auto reserved = masked(opcode::text, "x");
     reserved[0] = static_cast<char>(reserved[0] | 0x40);
-    CHECK(code_of(reserved) == web_socket_code::protocol_error);
+    CHECK(code_of(reserved) == ise::web_socket_code::protocol_error);
     for (int unknown : {3, 7, 11, 15})
-        CHECK(code_of(masked(static_cast<opcode>(unknown), "")) == web_socket_code::protocol_error);
-    CHECK(code_of(masked(opcode::ping, "x", false)) == web_socket_code::protocol_error);
-    CHECK(code_of(masked(opcode::ping, std::string(126, 'x'))) == web_socket_code::protocol_error);
-    CHECK(code_of(masked(opcode::continuation, "x")) == web_socket_code::protocol_error);
-    CHECK(code_of(masked(opcode::text, "x", false) + masked(opcode::text, "y")) == web_socket_code::protocol_error);
-    CHECK(code_of(masked(opcode::text, "\xc3\x28")) == web_socket_code::not_utf8);
-    CHECK(code_of(masked(opcode::text, "\xed\xa0\x80")) == web_socket_code::not_utf8); // a surrogate
+        CHECK(code_of(masked(static_cast<opcode>(unknown), "")) == ise::web_socket_code::protocol_error);
+    CHECK(code_of(masked(opcode::ping, "x", false)) == ise::web_socket_code::protocol_error);
+    CHECK(code_of(masked(opcode::ping, std::string(126, 'x'))) == ise::web_socket_code::protocol_error);
+    CHECK(code_of(masked(opcode::continuation, "x")) == ise::web_socket_code::protocol_error);
+    CHECK(code_of(masked(opcode::text, "x", false) + masked(opcode::text, "y")) ==
+          ise::web_socket_code::protocol_error);
+    CHECK(code_of(masked(opcode::text, "\xc3\x28")) == ise::web_socket_code::not_utf8);
+    CHECK(code_of(masked(opcode::text, "\xed\xa0\x80")) == ise::web_socket_code::not_utf8); // a surrogate
     CHECK_FALSE(code_of(masked(opcode::text, "\xc3", false) + masked(opcode::continuation, "\xa4")));
     // Lengths that are not in their shortest form, or beyond everything.
-    CHECK(code_of(std::string("\x82\xfe\x00\x7d\0\0\0\0", 8)) == web_socket_code::protocol_error);
-    CHECK(code_of(std::string("\x82\xff\0\0\0\0\0\0\xff\xff\0\0\0\0", 14)) == web_socket_code::protocol_error);
-    CHECK(code_of(std::string("\x82\xff\xff\xff\xff\xff\xff\xff\xff\xff\0\0\0\0", 14)) == web_socket_code::too_large);
-    web_socket_limits small;
+    CHECK(code_of(std::string("\x82\xfe\x00\x7d\0\0\0\0", 8)) == ise::web_socket_code::protocol_error);
+    CHECK(code_of(std::string("\x82\xff\0\0\0\0\0\0\xff\xff\0\0\0\0", 14)) == ise::web_socket_code::protocol_error);
+    CHECK(code_of(std::string("\x82\xff\xff\xff\xff\xff\xff\xff\xff\xff\0\0\0\0", 14)) ==
+          ise::web_socket_code::too_large);
+    ise::web_socket_limits small;
     small.max_message_bytes = 10;
     small.max_fragments = 3;
     CHECK_FALSE(code_of(masked(opcode::binary, std::string(10, 'x')), small));
-    CHECK(code_of(masked(opcode::binary, std::string(11, 'x')), small) == web_socket_code::too_large);
+    CHECK(code_of(masked(opcode::binary, std::string(11, 'x')), small) == ise::web_socket_code::too_large);
     CHECK(code_of(masked(opcode::binary, "123456", false) + masked(opcode::continuation, "78901"), small) ==
-          web_socket_code::too_large);
+          ise::web_socket_code::too_large);
     std::string fragments = masked(opcode::binary, "", false);
     for (int i = 0; i < 3; ++i) fragments += masked(opcode::continuation, "", false);
-    CHECK(code_of(fragments, small) == web_socket_code::too_large);
+    CHECK(code_of(fragments, small) == ise::web_socket_code::too_large);
     // Close frames.
-    CHECK(code_of(masked(opcode::close, "x")) == web_socket_code::protocol_error);
+    CHECK(code_of(masked(opcode::close, "x")) == ise::web_socket_code::protocol_error);
     for (int code : {0, 999, 1004, 1005, 1006, 1015, 2999, 5000})
         CHECK(code_of(masked(opcode::close, close_payload(static_cast<std::uint16_t>(code)))) ==
-              web_socket_code::protocol_error);
-    CHECK(code_of(masked(opcode::close, close_payload(1000, "\xff"))) == web_socket_code::not_utf8);
+              ise::web_socket_code::protocol_error);
+    CHECK(code_of(masked(opcode::close, close_payload(1000, "\xff"))) == ise::web_socket_code::not_utf8);
     auto left = read(masked(opcode::close, close_payload(3001, "bye")), 1);
     REQUIRE(left.all.size() == 1);
-    CHECK(left.all[0].code == static_cast<web_socket_code>(3001));
+    CHECK(left.all[0].code == static_cast<ise::web_socket_code>(3001));
     CHECK(left.all[0].payload == "bye");
 }
 
@@ -162,10 +166,10 @@ TEST_CASE("a close frame's reason is cut between characters") {
     std::string reason;
     for (int i = 0; i < 50; ++i) reason += "\xe2\x82\xac"; // 150 bytes
     std::string made;
-    append_close(made, web_socket_code::policy, reason);
-    auto got = read(made, 64, {}, web_socket_reader::from::servers);
+    ise::append_close(made, ise::web_socket_code::policy, reason);
+    auto got = read(made, 64, {}, ise::web_socket_reader::from::servers);
     REQUIRE(got.all.size() == 1);
-    CHECK(got.all[0].code == web_socket_code::policy);
+    CHECK(got.all[0].code == ise::web_socket_code::policy);
     CHECK(got.all[0].payload.size() == 123);
 }
 
@@ -174,48 +178,48 @@ namespace {
 /// A server that answers each message with it, and sends numbers where it is asked to.
 class echo final : public ise::component {
 public:
-    explicit echo(http_limits limits) : limits_(limits) {}
-    std::unique_ptr<http_server> server;
-    std::shared_ptr<atirma::web_socket> last;
+    explicit echo(ise::http_limits limits) : limits_(limits) {}
+    std::unique_ptr<ise::http_server> server;
+    std::shared_ptr<ise::web_socket> last;
     int sources = 0, conversations = 0;
     bool due = false; ///< something to send
 
 private:
     ise::task<> run() override {
-        server = std::make_unique<http_server>(on(), log(), limits_, [this](std::string name, ise::task<> body) {
+        server = std::make_unique<ise::http_server>(on(), log(), limits_, [this](std::string name, ise::task<> body) {
             spawn(std::move(name), std::move(body));
         });
-        server->get("/", [this](const http_request& asked) {
-            return accept_web_socket(asked, {"echo.v2", "echo.v1"}, [this](std::shared_ptr<atirma::web_socket> over) {
+        server->get("/", [this](const ise::http_request& asked) {
+            return ise::accept_web_socket(asked, {"echo.v2", "echo.v1"}, [this](std::shared_ptr<ise::web_socket> over) {
                 return talk(std::move(over));
             });
         });
         server->listen(ise::endpoint{ise::protocol::tcp, "0.0.0.0", 8080, {}}).value();
         co_return;
     }
-    ise::task<> talk(std::shared_ptr<atirma::web_socket> over) {
+    ise::task<> talk(std::shared_ptr<ise::web_socket> over) {
         ++conversations;
         last = over;
         auto waiting = std::make_shared<std::string>();
         over->on_room([this, waiting](std::string& to) {
-            if (!waiting->empty()) append_frame(to, opcode::text, std::exchange(*waiting, {}));
+            if (!waiting->empty()) ise::append_frame(to, opcode::text, std::exchange(*waiting, {}));
             if (std::exchange(due, false))
-                append_frame(to, opcode::binary, std::string(100, static_cast<char>(++sources)));
+                ise::append_frame(to, opcode::binary, std::string(100, static_cast<char>(++sources)));
         });
         for (;;) {
             auto got = co_await over->next();
             if (!got) break;
-            if (got->payload == "close") over->close(web_socket_code::going_away, "as you wish");
+            if (got->payload == "close") over->close(ise::web_socket_code::going_away, "as you wish");
             *waiting += got->payload;
             over->wake();
         }
         --conversations;
     }
-    http_limits limits_;
+    ise::http_limits limits_;
 };
 
 struct quay {
-    explicit quay(http_limits limits = {}) {
+    explicit quay(ise::http_limits limits = {}) {
         world.host("shore").start_process("echo", [this, limits](ise::sim::process& here) -> std::shared_ptr<void> {
             ise::node_options options;
             options.log = [](const ise::log_record&) {};
@@ -255,7 +259,7 @@ TEST_CASE("a WebSocket is opened with the protocol that both know, and echoes") 
     CHECK(one.pongs[0] == "are you there");
     one.send(opcode::close, close_payload(1001));
     REQUIRE(here.until([&] { return one.closed; }));
-    CHECK(one.code == web_socket_code::going_away);
+    CHECK(one.code == ise::web_socket_code::going_away);
     REQUIRE(here.until([&] { return here.server->server->statistics().open_connections == 0; }));
     CHECK(here.server->conversations == 0);
 }
@@ -285,10 +289,10 @@ TEST_CASE("a client that violates the protocol gets the code, and is let go") {
     auto& one = here.connect();
     REQUIRE(here.until([&] { return one.open; }));
     std::string unmasked;
-    append_frame(unmasked, opcode::text, "hello");
+    ise::append_frame(unmasked, opcode::text, "hello");
     one.send_raw(unmasked);
     REQUIRE(here.until([&] { return one.closed; }));
-    CHECK(one.code == web_socket_code::protocol_error);
+    CHECK(one.code == ise::web_socket_code::protocol_error);
     CHECK(one.reason == "a frame of a client is not masked");
     REQUIRE(here.until([&] { return here.server->conversations == 0; }));
 
@@ -296,7 +300,7 @@ TEST_CASE("a client that violates the protocol gets the code, and is let go") {
     REQUIRE(here.until([&] { return two.open; }));
     two.send(opcode::text, "close");
     REQUIRE(here.until([&] { return two.closed; }));
-    CHECK(two.code == web_socket_code::going_away);
+    CHECK(two.code == ise::web_socket_code::going_away);
     CHECK(two.reason == "as you wish");
 }
 

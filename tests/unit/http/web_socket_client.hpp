@@ -1,6 +1,6 @@
 // A WebSocket client on the virtual world.
 #pragma once
-#include <components/http/web_socket_frames.hpp>
+#include <ise/http/web_socket_frames.hpp>
 
 #include <ise/core/environment.hpp>
 #include <ise/core/task_scope.hpp>
@@ -28,9 +28,9 @@ public:
         scope_.spawn("client", talk(ise::endpoint{ise::protocol::tcp, server, port, {}}));
     }
 
-    void send(atirma::web_socket_opcode kind, std::string_view payload) {
+    void send(ise::web_socket_opcode kind, std::string_view payload) {
         std::string made;
-        atirma::append_masked_frame(made, kind, payload, 0x12345678);
+        ise::append_masked_frame(made, kind, payload, 0x12345678);
         send_raw(made);
     }
     void send_raw(std::string_view bytes) {
@@ -52,7 +52,7 @@ public:
         std::string payload;
     };
     std::vector<message> binaries;
-    std::optional<atirma::web_socket_code> code;
+    std::optional<ise::web_socket_code> code;
     std::string reason;
 
 private:
@@ -72,7 +72,7 @@ private:
         send_raw(ask);
         if (!raw_head.empty()) line_->shutdown_write();
         std::array<std::byte, 16384> room;
-        atirma::web_socket_reader reader(atirma::web_socket_reader::from::servers);
+        ise::web_socket_reader reader(ise::web_socket_reader::from::servers);
         while (!closed) {
             auto got = co_await line_->read_some(asio::buffer(room));
             auto bytes = ise::bytes_view(room).first(got.bytes);
@@ -109,8 +109,8 @@ private:
         }
         line_->close();
     }
-    void take(atirma::web_socket_message got) {
-        using opcode = atirma::web_socket_opcode;
+    void take(ise::web_socket_message got) {
+        using opcode = ise::web_socket_opcode;
         if (got.kind == opcode::text) texts.push_back(std::move(got.payload));
         if (got.kind == opcode::binary) {
             message made;

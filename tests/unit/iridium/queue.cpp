@@ -36,8 +36,8 @@ acknowledgement answer(std::uint32_t id, command_kind kind) {
     return ack;
 }
 
-ise::result<http_answer> answered(int status, std::string body) {
-    http_answer made;
+ise::result<ise::http_answer> answered(int status, std::string body) {
+    ise::http_answer made;
     made.status = status;
     made.body = std::move(body);
     return made;

@@ -63,7 +63,7 @@ struct site : web_test::grounds {
     }
     track_state state = voyage();
     utc_ms now = start;
-    http_server server;
+    ise::http_server server;
 };
 
 } // namespace

@@ -1,5 +1,5 @@
-#include <components/http/gzip.hpp>
 #include <components/web_server/assets.hpp>
+#include <components/web_server/gzip.hpp>
 #include <components/web_server/tile_source.hpp>
 #include <components/web_server/web_component.hpp>
 
@@ -22,19 +22,17 @@ namespace {
 bool has(const std::string& text, std::string_view part) { return text.find(part) != std::string::npos; }
 
 struct site : web_test::grounds {
-    explicit site(atirma::http_limits limits = atirma::page_limits(), const std::string& address = "127.0.0.1")
+    explicit site(ise::http_limits limits = atirma::page_limits(), const std::string& address = "127.0.0.1")
         : server(host->loop(), log, limits, spawner()) {
         server.serve(atirma::page_assets());
-        server.get("/hello", [](const atirma::http_request& asked) {
-            return atirma::http_response{"hello " + asked.query, "text/plain"};
+        server.get("/hello", [](const ise::http_request& asked) {
+            return ise::http_response{"hello " + asked.query, "text/plain"};
         });
-        server.get("/file", [](const auto&) {
-            return atirma::http_response{"x", "text/plain", 200, "a\"\r\nX: y.txt"};
-        });
-        server.get("/broken", [](const auto&) -> atirma::http_response { throw std::runtime_error("secret detail"); });
+        server.get("/file", [](const auto&) { return ise::http_response{"x", "text/plain", 200, "a\"\r\nX: y.txt"}; });
+        server.get("/broken", [](const auto&) -> ise::http_response { throw std::runtime_error("secret detail"); });
         server.listen(web_test::any_port(address)).value();
     }
-    atirma::http_server server;
+    ise::http_server server;
 };
 } // namespace
 
@@ -79,8 +77,8 @@ TEST_CASE("a file that the client has is not sent again, and compressed where th
 TEST_CASE("a handler's answer has a compressed form and a tag, too, and pictures may come from where the page says") {
     site s;
     std::string text(5000, 'x');
-    s.server.get("/whole.json", [&](const atirma::http_request&) {
-        atirma::http_response made{text, "application/json"};
+    s.server.get("/whole.json", [&](const ise::http_request&) {
+        ise::http_response made{text, "application/json"};
         made.gzip = atirma::gzip(text);
         made.etag = "\"7\"";
         return made;
@@ -157,7 +155,7 @@ TEST_CASE("a port that is taken is a clear error that names it, and listening wo
     site s;
     web_test::grounds other;
     const auto taken = s.server.where();
-    atirma::http_server second(other.host->loop(), other.log, {}, other.spawner());
+    ise::http_server second(other.host->loop(), other.log, {}, other.spawner());
     auto refused = second.listen(taken);
     REQUIRE_FALSE(refused);
     CHECK(refused.error().code() == ise::errc::address_in_use);
@@ -170,7 +168,7 @@ TEST_CASE("a port that is taken is a clear error that names it, and listening wo
 
 TEST_CASE("it listens on IPv6 and writes its address as browsers want it") {
     web_test::grounds here;
-    atirma::http_server server(here.host->loop(), here.log, {}, here.spawner());
+    ise::http_server server(here.host->loop(), here.log, {}, here.spawner());
     if (auto listening = server.listen(web_test::any_port("::1")); !listening) {
         WARN("no IPv6 on this machine, not tested: " << listening.error().message());
         return;

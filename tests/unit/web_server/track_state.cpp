@@ -25,7 +25,7 @@ atirma::position_update fix(std::chrono::milliseconds after, double latitude, do
 
 bool near(double value, double wanted, double margin) { return std::abs(value - wanted) <= margin; }
 
-json parsed(const std::optional<atirma::sse_event>& event) {
+json parsed(const std::optional<ise::sse_event>& event) {
     REQUIRE(event.has_value());
     return json::parse(event->data);
 }
@@ -142,7 +142,7 @@ TEST_CASE("the next waypoint has a distance, a bearing and the time of arrival t
     state.apply(
         atirma::waypoints_update{{start, start, "xbee", false}, {{28.1, -15.0, "north"}, {28.0, -15.1, ""}}, 0, false},
         start);
-    std::optional<atirma::sse_event> last;
+    std::optional<ise::sse_event> last;
     for (int i = 1; i <= 200; ++i) // 2 m/s towards it
         last = state.apply(fix(i * 2s, 28.0 + i * 4 / 111195.0, -15.0), start + i * 2s);
     auto next = parsed(last)["state"]["next"];

@@ -1,0 +1,145 @@
+#include "span_tree.hpp"
+
+#include "text.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <map>
+#include <set>
+#include <utility>
+
+namespace ise::cli {
+namespace {
+
+using json = nlohmann::json;
+
+std::int64_t number_of(const json& from) {
+    if (from.is_number_integer()) return from.get<std::int64_t>();
+    const auto& text = from.get_ref<const std::string&>();
+    std::int64_t made = 0;
+    auto [end, wrong] = std::from_chars(text.data(), text.data() + text.size(), made);
+    if (wrong != std::errc() || end != text.data() + text.size())
+        throw json::other_error::create(500, "no time", &from);
+    return made;
+}
+
+std::string attribute_of(const json& of, std::string_view name) {
+    for (const auto& one : of.value("attributes", json::array()))
+        if (one.value("key", "") == name) return one.at("value").value("stringValue", "");
+    return {};
+}
+
+void read_line(std::string_view line, std::vector<traced_span>& into) {
+    auto told = json::parse(line);
+    for (const auto& resource : told.at("resourceSpans")) {
+        auto component = attribute_of(resource.value("resource", json::object()), "service.name");
+        for (const auto& scope : resource.at("scopeSpans"))
+            for (const auto& one : scope.at("spans")) {
+                traced_span made;
+                made.trace = one.at("traceId");
+                made.id = one.at("spanId");
+                made.parent = one.value("parentSpanId", "");
+                made.component = component;
+                made.name = one.at("name");
+                made.client = one.value("kind", 0) == 3;
+                made.peer = attribute_of(one, made.client ? "server.address" : "client.address");
+                made.began_ns = number_of(one.at("startTimeUnixNano"));
+                made.took_ns = number_of(one.at("endTimeUnixNano")) - made.began_ns;
+                const bool failed = one.value("status", json::object()).value("code", 0) == 2;
+                made.outcome = failed ? attribute_of(one, "error.type") : "ok";
+                if (made.outcome.empty()) made.outcome = "failed";
+                into.push_back(std::move(made));
+            }
+    }
+}
+
+std::string line_of(const traced_span& of, std::int64_t origin_ns) {
+    auto text = of.client ? fmt::format("{} calls '{}' of {}", of.component, of.name, of.peer)
+                          : fmt::format("{} answers '{}'", of.component, of.name);
+    return fmt::format("{}   at {}, {}{}", printable(text), show_duration(duration(of.began_ns - origin_ns)),
+                       show_duration(duration(of.took_ns)), of.outcome == "ok" ? "" : ": " + printable(of.outcome));
+}
+
+} // namespace
+
+result<void> read_spans(std::string_view text, std::vector<traced_span>& into) {
+    std::size_t number = 0;
+    for (std::size_t from = 0; from < text.size();) {
+        ++number;
+        auto to = text.find('\n', from);
+        if (to == text.npos) return {}; // it is being written
+        auto line = text.substr(from, to - from);
+        from = to + 1;
+        if (line.empty()) continue;
+        try {
+            read_line(line, into);
+        } catch (const json::exception& wrong) {
+            return failure(errc::malformed, fmt::format("line {} is not OTLP/JSON: {}", number, wrong.what()));
+        }
+    }
+    return {};
+}
+
+std::vector<traced_span> spans_of_trace(const std::vector<traced_span>& all, std::string_view trace) {
+    std::vector<traced_span> made;
+    std::string id;
+    std::int64_t newest = 0;
+    for (const auto& one : all) {
+        if (trace.empty() ? !id.empty() && one.began_ns <= newest : !one.trace.starts_with(trace)) continue;
+        id = one.trace;
+        newest = one.began_ns;
+    }
+    for (const auto& one : all)
+        if (!id.empty() && one.trace == id) made.push_back(one);
+    std::ranges::stable_sort(made, {}, &traced_span::began_ns);
+    return made;
+}
+
+std::string draw_trace(const std::vector<traced_span>& spans) {
+    if (spans.empty()) return {};
+    std::map<std::string, std::vector<const traced_span*>> below;
+    std::set<std::string> known;
+    for (const auto& one : spans) known.insert(one.id);
+    std::vector<const traced_span*> roots;
+    std::int64_t end_ns = 0;
+    for (const auto& one : spans) {
+        end_ns = std::max(end_ns, one.began_ns + one.took_ns);
+        const bool root = !known.contains(one.parent) || one.parent == one.id;
+        (root ? roots : below[one.parent]).push_back(&one);
+    }
+    const auto origin = spans.front().began_ns;
+    auto text =
+        fmt::format("trace {}, {}, {}, {} spans\n", printable(spans.front().trace),
+                    show_wall(wall_time(duration(origin))), show_duration(duration(end_ns - origin)), spans.size());
+    // A stack of its own: a file may say anything. Spans that cause each other hang below no root, and are left out.
+    struct entry {
+        const traced_span* of;
+        std::string before, mark, rest;
+    };
+    std::vector<entry> open;
+    auto push = [&](const std::vector<const traced_span*>& some, const std::string& before) {
+        for (std::size_t at = some.size(); at-- > 0;) {
+            const bool last = at + 1 == some.size();
+            open.push_back({some[at], before, last ? "└─ " : "├─ ", last ? "   " : "│  "});
+        }
+    };
+    for (std::size_t at = roots.size(); at-- > 0;) open.push_back({roots[at], "", "", ""});
+    std::set<std::string> drawn;
+    while (!open.empty()) {
+        auto next = std::move(open.back());
+        open.pop_back();
+        const auto& one = *next.of;
+        const bool lost = next.mark.empty() && !one.parent.empty();
+        text += fmt::format("{}{}{}{}\n", next.before, next.mark, line_of(one, origin),
+                            lost ? " (what caused it is not in these files)" : "");
+        if (!drawn.insert(one.id).second) continue;
+        if (auto found = below.find(one.id); found != below.end()) push(found->second, next.before + next.rest);
+    }
+    return text;
+}
+
+} // namespace ise::cli

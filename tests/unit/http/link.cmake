@@ -1,1 +1,0 @@
-target_link_libraries(unit_http PRIVATE atirma_http)
