@@ -1,10 +1,11 @@
-#include <ise/core/real/descriptor_stream.hpp>
+#include <ise/core/real/socket_stream.hpp>
 #include <ise/core/real/sockets.hpp>
 
 #include <asio/ip/udp.hpp>
 
 #include <fmt/format.h>
 
+#include <cerrno>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -22,27 +23,42 @@ endpoint as_endpoint(const udp::endpoint& at) { return {protocol::udp, at.addres
 
 using received = std::pair<std::error_code, const datagram*>;
 
-class udp_socket final : public datagram_socket {
+class udp_socket final : public datagram_socket, private descriptor {
 public:
-    udp_socket(loop& on, udp::socket socket, endpoint where)
-        : on_(on), socket_(std::move(socket)), where_(std::move(where)) {}
+    udp_socket(loop& on, owned_fd socket, endpoint where)
+        : descriptor(on, std::move(socket)), where_(std::move(where)), receiver_(on, [this] {
+              receiver_.resume({asio::error::operation_aborted, nullptr});
+          }) {}
+    ~udp_socket() override { close(); }
+
+    using descriptor::watch;
 
     task<received> receive() override {
-        if (room_.empty()) room_.resize(max_datagram);
-        auto [problem, count] = co_await socket_.async_receive_from(asio::buffer(room_), sender_, as_tuple);
-        co_return take(problem, count);
+        if (!fd_open()) co_return received(asio::error::operation_aborted, nullptr);
+        if (may_read()) {
+            auto got = take();
+            if (got.first != asio::error::would_block) co_return got;
+        }
+        want_read();
+        auto got = co_await receiver_.wait();
+        co_return got;
     }
 
     std::error_code try_send(const endpoint& to, bytes_view content) override {
         std::error_code problem;
         auto address = address_of(to, problem);
-        if (!problem) socket_.send_to(asio::buffer(content.data(), content.size()), address, 0, problem);
-        return problem;
+        if (problem) return problem;
+        while (::sendto(fd(), content.data(), content.size(), MSG_NOSIGNAL | MSG_DONTWAIT, address.data(),
+                        static_cast<socklen_t>(address.size())) < 0)
+            if (errno != EINTR)
+                return errno == EAGAIN ? make_error_code(asio::error::would_block) : last_system_error();
+        return {};
     }
 
     void close() override {
-        std::error_code ignored;
-        socket_.close(ignored);
+        if (!fd_open()) return;
+        close_descriptor();
+        receiver_.resume({asio::error::operation_aborted, nullptr});
     }
     endpoint where() const override { return where_; }
 
@@ -54,8 +70,29 @@ private:
         endpoint named;
     };
 
-    received take(std::error_code problem, std::size_t count) {
-        if (problem) return {problem, nullptr};
+    void on_readable() override {
+        if (!receiver_.waiting() || !may_read()) return;
+        auto got = take();
+        if (got.first == asio::error::would_block) want_read();
+        else receiver_.resume(got);
+    }
+    void on_writable() override {}
+
+    received take() {
+        if (room_.empty()) room_.resize(max_datagram);
+        ssize_t count = 0;
+        for (;;) {
+            auto size = static_cast<socklen_t>(sender_.capacity());
+            count = ::recvfrom(fd(), room_.data(), room_.size(), 0, sender_.data(), &size);
+            if (count >= 0) {
+                sender_.resize(size);
+                break;
+            }
+            if (errno == EINTR) continue;
+            if (errno != EAGAIN && errno != EWOULDBLOCK) return {last_system_error(), nullptr};
+            found_nothing();
+            return {asio::error::would_block, nullptr};
+        }
         if (sender_ != last_sender_) {
             last_.peer = as_endpoint(sender_);
             last_sender_ = sender_;
@@ -84,7 +121,7 @@ private:
 
     // A name is looked up without waiting: would_block until it is known.
     asio::ip::address named(const endpoint& to, std::error_code& problem) {
-        if (!lookup_) lookup_ = std::make_shared<lookup>(on_);
+        if (!lookup_) lookup_ = std::make_shared<lookup>(on());
         problem = asio::error::would_block;
         if (lookup_->pending) return {};
         if (lookup_->name == to.host) {
@@ -110,16 +147,15 @@ private:
         return {};
     }
 
-    loop& on_;
-    udp::socket socket_;
     endpoint where_;
-    bytes room_;           // of the receive that waits
+    bytes room_;
     udp::endpoint sender_; // its datagram's
     datagram last_;
     udp::endpoint last_sender_;
     std::mutex sending_; // signs of life are sent from another thread
     peer went_to_;
     std::shared_ptr<lookup> lookup_;
+    waiter<received> receiver_;
 };
 
 } // namespace
@@ -129,16 +165,24 @@ result<std::unique_ptr<datagram_socket>> open_udp(loop& on, const endpoint& at) 
     auto refuse = [&] { return io_failure(fmt::format("cannot open {}", at.text()), problem); };
     auto address = asio::ip::make_address(at.host == "localhost" ? "127.0.0.1" : at.host, problem);
     if (problem) return refuse();
-    udp::socket socket(on.get_executor());
-    socket.open(address.is_v6() ? udp::v6() : udp::v4(), problem);
+    auto refuse_for_last = [&] {
+        problem = last_system_error();
+        return refuse();
+    };
+    auto socket = new_socket(address.is_v6() ? AF_INET6 : AF_INET, SOCK_DGRAM);
+    if (!socket) return refuse_for_last();
+    const udp::endpoint wanted(address, at.port);
+    udp::endpoint bound;
+    auto size = static_cast<socklen_t>(bound.capacity());
+    if (::bind(socket.get(), wanted.data(), static_cast<socklen_t>(wanted.size())) != 0 ||
+        ::getsockname(socket.get(), bound.data(), &size) != 0)
+        return refuse_for_last();
+    // What the kernel gives is used.
+    ::setsockopt(socket.get(), SOL_SOCKET, SO_RCVBUF, &kernel_buffer_bytes, sizeof kernel_buffer_bytes);
+    auto made = std::make_unique<udp_socket>(on, std::move(socket), as_endpoint(bound));
+    problem = made->watch();
     if (problem) return refuse();
-    socket.bind(udp::endpoint(address, at.port), problem);
-    if (problem) return refuse();
-    socket.non_blocking(true, problem);
-    std::error_code ignored; // what the kernel gives is used
-    socket.set_option(asio::socket_base::receive_buffer_size(kernel_buffer_bytes), ignored);
-    auto where = as_endpoint(socket.local_endpoint(problem));
-    return std::unique_ptr<datagram_socket>(std::make_unique<udp_socket>(on, std::move(socket), std::move(where)));
+    return std::unique_ptr<datagram_socket>(std::move(made));
 }
 
 } // namespace ise::real
