@@ -5,16 +5,20 @@
 
 #include <support/catch.hpp>
 
+#include <asio/bind_cancellation_slot.hpp>
 #include <asio/io_context.hpp>
+#include <asio/ip/tcp.hpp>
 #include <asio/steady_timer.hpp>
 #include <asio/use_future.hpp>
 
 #include <atomic>
+#include <csignal>
 #include <future>
 #include <optional>
 #include <string>
 #include <thread>
 
+#include <pthread.h>
 #include <unistd.h>
 
 namespace sockets_test {
@@ -204,6 +208,158 @@ TEST_CASE("sockets: a peer that sends without a pause does not keep others of th
     at.run(drop(two));
     reads.get();
     at.run(drop(other));
+}
+
+TEST_CASE("sockets: signals that interrupt the loop's calls lose and repeat nothing") {
+    struct sigaction quiet {};
+    struct sigaction before {};
+    quiet.sa_handler = [](int) {}; // without SA_RESTART
+    ::sigaction(SIGUSR2, &quiet, &before);
+    for (bool own : {true, false})
+        for (bool tcp : {true, false}) {
+            INFO(own << tcp);
+            place at(own);
+            auto two = at.run(connected(at, endpoint_of(tcp)));
+            auto self = [](ise::loop&) -> task<pthread_t> { co_return ::pthread_self(); };
+            const pthread_t thread = at.run(self(at.host->loop()));
+            std::atomic<bool> enough{false};
+            std::thread storm([&] {
+                while (!enough) {
+                    ::pthread_kill(thread, SIGUSR2);
+                    std::this_thread::yield();
+                }
+            });
+            auto come = ise::async_run(at.host->loop().get_executor(), read_all(*two.far), asio::use_future);
+            at.run(write_all(*two.near, much));
+            CHECK(come.get() == much);
+            enough = true;
+            storm.join();
+            at.run(drop(two));
+        }
+    ::sigaction(SIGUSR2, &before, nullptr);
+}
+
+TEST_CASE("sockets: a peer that resets the connection after each byte ends reading and writing") {
+    for (bool own : {true, false}) {
+        place at(own);
+        auto ear = at.env.listen(at.host->loop(), ise::endpoint::parse("tcp://127.0.0.1:0").value()).value();
+        auto accept = [](ise::listener& from) -> task<std::unique_ptr<ise::stream>> {
+            auto taken = co_await from.accept();
+            co_return std::move(taken.second);
+        };
+        auto until_an_error = [](ise::stream& from) -> task<std::pair<std::size_t, std::error_code>> {
+            std::pair<std::size_t, std::error_code> out;
+            std::string room(3, ' ');
+            while (!out.second) {
+                auto got = co_await from.read_some(asio::buffer(room));
+                out.first += got.bytes;
+                out.second = got.problem;
+            }
+            co_return out;
+        };
+        auto write_until_an_error = [](ise::stream& to) -> task<std::error_code> {
+            const std::string piece(1000, 'x');
+            const asio::const_buffer all(piece.data(), piece.size());
+            for (;;) {
+                auto wrote = to.try_write({&all, 1});
+                if (wrote.problem && wrote.problem != asio::error::would_block) co_return wrote.problem;
+                auto problem = co_await to.wait_writable();
+                if (problem) co_return problem;
+            }
+        };
+        auto free = [](std::unique_ptr<ise::stream> what) -> task<> {
+            what.reset();
+            co_return;
+        };
+        for (std::size_t count = 0; count < 40; ++count) {
+            INFO(own << count);
+            asio::io_context elsewhere;
+            asio::ip::tcp::socket peer(elsewhere);
+            peer.connect({asio::ip::make_address("127.0.0.1"), static_cast<std::uint16_t>(ear->where().port)});
+            auto mine = at.run(accept(*ear));
+            // Half of them are read while it comes, half of them later.
+            std::future<std::pair<std::size_t, std::error_code>> read;
+            auto begin = [&] {
+                read = ise::async_run(at.host->loop().get_executor(), until_an_error(*mine), asio::use_future);
+            };
+            if (count % 2 == 0) begin();
+            for (std::size_t n = 0; n < count; ++n) peer.send(asio::buffer("x", 1));
+            peer.set_option(asio::socket_base::linger(true, 0));
+            peer.close();
+            if (count % 2 == 1) begin();
+            auto [bytes, problem] = read.get();
+            CHECK(bytes <= count);
+            CHECK(problem == asio::error::connection_reset);
+            const auto wrote = at.run(write_until_an_error(*mine));
+            CHECK((wrote == asio::error::broken_pipe || wrote == asio::error::connection_reset));
+            at.run(free(std::move(mine)));
+        }
+        auto no_ear = [](std::unique_ptr<ise::listener> what) -> task<> {
+            what.reset();
+            co_return;
+        };
+        at.run(no_ear(std::move(ear)));
+    }
+}
+
+TEST_CASE("sockets: whoever waits can be cancelled and go on, and closing ends every wait") {
+    for (bool own : {true, false})
+        for (bool tcp : {true, false}) {
+            INFO(own << tcp);
+            place at(own);
+            auto& loop = at.host->loop();
+            auto two = at.run(connected(at, endpoint_of(tcp)));
+            auto full = [](ise::stream& to) -> task<> { // until it would have to wait
+                const std::string piece(100'000, 'x');
+                const asio::const_buffer all(piece.data(), piece.size());
+                for (;;) {
+                    auto wrote = to.try_write({&all, 1});
+                    if (wrote.problem == asio::error::would_block) co_return;
+                    if (wrote.problem) throw std::system_error(wrote.problem);
+                }
+            };
+            at.run(full(*two.near));
+            auto reading = [](pair& of) -> task<std::error_code> { co_return co_await read_error(*of.near); };
+            auto writing = [](pair& of) -> task<std::error_code> { co_return co_await of.near->wait_writable(); };
+            auto accepting = [](pair& of) -> task<std::error_code> {
+                auto taken = co_await of.ear->accept();
+                co_return taken.first;
+            };
+            using wait = task<std::error_code> (*)(pair&);
+            for (wait begin : {wait(reading), wait(writing), wait(accepting)}) {
+                auto cancelled = [](ise::loop& on, task<std::error_code> what) -> task<std::error_code> {
+                    asio::cancellation_signal enough;
+                    std::error_code outcome;
+                    bool ended = false;
+                    auto note = [&](std::exception_ptr thrown, std::error_code problem) {
+                        outcome = thrown ? std::make_error_code(std::errc::io_error) : problem;
+                        ended = true;
+                    };
+                    ise::async_run(on.get_executor(), std::move(what),
+                                   asio::bind_cancellation_slot(enough.slot(), note));
+                    co_await ise::sleep_for(on, 1ms); // it waits by then
+                    enough.emit(asio::cancellation_type::terminal);
+                    while (!ended) co_await ise::sleep_for(on, 100us);
+                    co_return outcome;
+                };
+                CHECK(at.run(cancelled(loop, begin(two))) == asio::error::operation_aborted);
+            }
+            // Nothing is lost by it.
+            auto come = ise::async_run(loop.get_executor(), read_all(*two.near), asio::use_future);
+            at.run(write_all(*two.far, 1000));
+            CHECK(come.get() == 1000);
+            std::vector<std::future<std::error_code>> pending;
+            for (wait begin : {wait(writing), wait(accepting)})
+                pending.push_back(ise::async_run(loop.get_executor(), begin(two), asio::use_future));
+            auto shut = [](pair& of) -> task<> {
+                of.near->close();
+                of.ear->close();
+                co_return;
+            };
+            at.run(shut(two));
+            for (auto& one : pending) CHECK(one.get() == asio::error::operation_aborted);
+            at.run(drop(two));
+        }
 }
 
 TEST_CASE("loops: objects of Asio on a loop of ISE's own complete on its thread") {
