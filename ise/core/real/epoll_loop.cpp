@@ -4,19 +4,12 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
-#include <limits>
-#include <span>
 #include <system_error>
 
 #include <pthread.h>
 #include <sys/eventfd.h>
+#include <sys/timerfd.h>
 #include <unistd.h>
-
-#if defined(__GLIBC__)
-    #if __GLIBC_PREREQ(2, 35)
-        #define ISE_HAS_EPOLL_PWAIT2 1
-    #endif
-#endif
 
 namespace ise::real {
 namespace {
@@ -25,33 +18,16 @@ thread_local const epoll_loop* running = nullptr;
 
 constexpr std::uint32_t always = EPOLLIN | EPOLLRDHUP | EPOLLET;
 
-// Waits for at most `most` nanoseconds, -1: for ever. How many events came; an interrupted wait brings none.
-int epoll_wait_for(int epoll, std::span<epoll_event> events, std::int64_t most) {
-    const int room = static_cast<int>(events.size());
-    int come = 0;
-#if defined(ISE_HAS_EPOLL_PWAIT2)
-    static std::atomic<bool> missing{false}; // an old kernel, an emulator
-    if (most > 0 && !missing.load(std::memory_order_relaxed)) {
-        const timespec until{most / 1'000'000'000, most % 1'000'000'000};
-        come = ::epoll_pwait2(epoll, events.data(), room, &until, nullptr);
-        if (come >= 0) return come;
-        if (errno != ENOSYS && errno != EPERM) return 0;
-        missing.store(true, std::memory_order_relaxed);
-    }
-#endif
-    // Whole milliseconds, rather too late than too early.
-    const auto rounded =
-        most > 0 ? std::min<std::int64_t>((most + 999'999) / 1'000'000, std::numeric_limits<int>::max()) : most;
-    come = ::epoll_wait(epoll, events.data(), room, static_cast<int>(rounded));
-    return std::max(come, 0);
-}
-
 } // namespace
 
 class epoll_loop::next_alarm final : public alarm {
 public:
     explicit next_alarm(epoll_loop& owner) noexcept : owner_(owner) {}
-    void arm(time_point at) override { owner_.alarm_at_ = at; }
+    void arm(time_point at) override {
+        const auto left = std::max<std::int64_t>(1, (at - owner_.world_.now()).count()); // 0 would disarm it
+        const itimerspec once{{0, 0}, {left / 1'000'000'000, left % 1'000'000'000}};
+        ::timerfd_settime(owner_.timer_.get(), 0, &once, nullptr);
+    }
 
 private:
     epoll_loop& owner_;
@@ -72,10 +48,14 @@ private:
 epoll_loop::epoll_loop(environment& world, const std::string& name, std::shared_ptr<void> held,
                        std::shared_ptr<poll_seats> seats)
     : held_(std::move(held)), world_(world), epoll_(::epoll_create1(EPOLL_CLOEXEC)),
-      doorbell_(epoll_ ? ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK) : -1), seats_(std::move(seats)), asio_(1) {
-    // Edge-triggered it need never be read.
+      doorbell_(epoll_ ? ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK) : -1),
+      timer_(doorbell_ ? ::timerfd_create(CLOCK_MONOTONIC, TFD_CLOEXEC | TFD_NONBLOCK) : -1), seats_(std::move(seats)),
+      asio_(1) {
+    // Edge-triggered they need never be read.
     epoll_event rings{EPOLLIN | EPOLLET, {nullptr}};
-    if (!doorbell_ || ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, doorbell_.get(), &rings) != 0)
+    epoll_event expires{EPOLLIN | EPOLLET, {&timer_}};
+    if (!timer_ || ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, doorbell_.get(), &rings) != 0 ||
+        ::epoll_ctl(epoll_.get(), EPOLL_CTL_ADD, timer_.get(), &expires) != 0)
         throw std::system_error(last_system_error(), "cannot make an event loop");
     loop_ = std::make_unique<ise::loop>(world, loop_executor(*this), [this] { return running_here(); });
     loop_->use_alarm(std::make_unique<next_alarm>(*this));
@@ -164,10 +144,6 @@ void epoll_loop::run() {
     inside here(*this);
     while (!stopped_.load(std::memory_order_relaxed)) {
         tell(wait());
-        if (alarm_at_ != time_point::max() && world_.now() >= alarm_at_) {
-            alarm_at_ = time_point::max();
-            loop_->on_alarm();
-        }
         if (!again_.empty()) tell_again();
         if (has_posted_.load(std::memory_order_relaxed)) take_posted();
         work_off();
@@ -176,15 +152,12 @@ void epoll_loop::run() {
 
 // Others post, then look whether it sleeps; it says that it sleeps, then looks whether they posted.
 int epoll_loop::wait() {
-    std::int64_t most = -1;
-    if (!queue_.empty() || !again_.empty()) most = 0;
-    else if (alarm_at_ != time_point::max()) most = std::max<std::int64_t>(0, (alarm_at_ - world_.now()).count());
-    if (most == 0) return epoll_wait_for(epoll_.get(), events_, 0);
-    sleeping_ = true;
-    if (has_posted_ || stopped_) most = 0;
-    const int come = epoll_wait_for(epoll_.get(), events_, most);
-    sleeping_ = false;
-    return come;
+    const bool busy = !queue_.empty() || !again_.empty();
+    if (!busy) sleeping_ = true;
+    const bool sleeps = !busy && !has_posted_ && !stopped_;
+    const int come = ::epoll_wait(epoll_.get(), events_.data(), static_cast<int>(events_.size()), sleeps ? -1 : 0);
+    if (!busy) sleeping_ = false;
+    return std::max(come, 0); // interrupted: none
 }
 
 // A turn for each: what one brings may close another, whose events that are still to come are taken away then.
@@ -193,6 +166,10 @@ void epoll_loop::tell(int count) {
     for (told_ = 0; told_ < come_;) {
         const auto& event = events_[static_cast<std::size_t>(told_++)];
         if (!event.data.ptr) continue;
+        if (event.data.ptr == &timer_) {
+            loop_->on_alarm();
+            continue;
+        }
         loop::turn in(*loop_);
         static_cast<descriptor*>(event.data.ptr)->on_events(event.events);
     }

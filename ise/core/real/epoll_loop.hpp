@@ -22,7 +22,7 @@
 
 namespace ise::real {
 
-/// A loop of ISE's own and its thread: sockets by epoll, edge-triggered; the timer as the longest sleep; work of other
+/// A loop of ISE's own and its thread: sockets by epoll, edge-triggered, and a timer; work of other
 /// threads, which wake it only when it sleeps. Without a lock on the way of a turn.
 ///
 /// Objects of Asio that are made on its executor live on an io_context beside it, whose thread starts with the first of
@@ -69,10 +69,10 @@ private:
     const std::shared_ptr<void> held_;
     environment& world_;
     owned_fd epoll_, doorbell_;
+    owned_fd timer_; // moved seldom; a time-out of each sleep would set a timer of the system each time
     std::array<epoll_event, 64> events_{};
     int told_ = 0, come_ = 0; // of the events
     std::vector<descriptor*> again_;
-    time_point alarm_at_ = time_point::max();
 
     std::shared_ptr<poll_seats> seats_;
     std::unique_ptr<ise::loop> loop_;
