@@ -2,8 +2,7 @@
 
 #include <ise/core/asio_compat.hpp>
 #include <ise/core/executor.hpp>
-
-#include <asio/io_context.hpp>
+#include <ise/core/loop_executor.hpp>
 
 #include <fmt/format.h>
 
@@ -50,13 +49,13 @@ private:
 };
 
 // A loop of its own has the small executor; behind a strand or a foreign executor there is the general one.
-using plain = context_executor<asio::io_context::executor_type>;
+using plain = context_executor<loop_executor>;
 using general = context_executor<asio::any_io_executor>;
 
 } // namespace
 
 asio::any_io_executor with_context(const asio::any_io_executor& on, const call_context* context) {
-    if (auto* inner = executor_cast<asio::io_context::executor_type>(on)) return plain(*inner, context);
+    if (auto* inner = executor_cast<loop_executor>(on)) return plain(*inner, context);
     return general(on, context);
 }
 

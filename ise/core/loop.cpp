@@ -1,5 +1,8 @@
 #include <ise/core/loop.hpp>
 
+#include <ise/core/executor.hpp>
+#include <ise/core/loop_executor.hpp>
+
 #include <asio/post.hpp>
 
 #include <algorithm>
@@ -19,12 +22,19 @@ void work_off(std::vector<T>& list, std::vector<T>& next, const bool& ended, Do 
     else next = std::vector<T>();
 }
 
+// Without Asio between where the loop is not an io_context.
+template <class Work>
+void post_to(const asio::any_io_executor& on, Work work) {
+    if (auto* own = executor_cast<loop_executor>(on)) own->queue().post(std::move(work));
+    else asio::post(on, std::move(work));
+}
+
 } // namespace
 
 bool loop_gate::post(unique_function<void()> work) {
     std::lock_guard lock(mutex_); // held while posting: the executor lives as long as the loop
     if (!loop_) return false;
-    asio::post(loop_->get_executor(), [gate = shared_from_this(), work = std::move(work)]() mutable {
+    post_to(loop_->get_executor(), [gate = shared_from_this(), work = std::move(work)]() mutable {
         loop* into = nullptr;
         {
             std::lock_guard look(gate->mutex_);
@@ -221,7 +231,7 @@ void loop::flush_soon(flushable& output) {
 
 void loop::post_turn() {
     if (std::exchange(turn_posted_, true)) return;
-    asio::post(executor_, [this, alive = alive_] {
+    post_to(executor_, [this, alive = alive_] {
         if (!*alive) return;
         turn in(*this);
     });

@@ -4,6 +4,7 @@ import math
 import random
 import socket
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TextIO
@@ -59,6 +60,7 @@ class DatagramRelay:
     loss: float = 0  # of the datagrams, in each direction, drawn by a seed
     repeats: float = 0
     seed: int = 1
+    loses: Callable[[str, bytes], bool] = lambda sender, data: False  # these as well
     sessions: list[Path] = field(default_factory=list)
     open: list[Session] = field(default_factory=list)
     flows: dict[tuple, Flow] = field(default_factory=dict)
@@ -116,7 +118,7 @@ class DatagramRelay:
             self.hand_on(flow, "responder", data, lambda: self.front.sendto(data, flow.address))
 
     def hand_on(self, flow: Flow, sender: str, data: bytes, send):
-        lost = self.draw.random() < self.loss
+        lost = self.draw.random() < self.loss or self.loses(sender, data)
         if session := self.session_of(flow, sender, data):
             session.recorder.add(Datagram(time.monotonic_ns(), sender, data, lost))
         for _ in range(0 if lost else 2 if self.draw.random() < self.repeats else 1):

@@ -13,7 +13,7 @@ from pathlib import Path
 from checker import Checker, check
 from datagram_relay import DatagramRelay
 from dialer import Peer, learn
-from frames import control, encode_frame
+from frames import Frame, control, encode_frame
 from recording import read
 from relay import Relay
 
@@ -297,14 +297,41 @@ class RecordedSessions(unittest.IsolatedAsyncioTestCase):
         self.assertTrue(all("number" in each and not each["again"] for each in requests), requests)
         self.assertGreaterEqual(sum(packet.decoded for packet in session.packets if packet.what in ("the request", "the reply")), 6)
 
-    async def test_subscriptions_over_datagrams_of_which_some_are_lost(self):
-        relay, also = await self.over_datagrams(loss=0.05, repeats=0.05)
+    async def subscriptions_over_datagrams(self, **weather) -> tuple[list[str], list[Frame]]:
+        """What the asker said, and the packets that came beside the stream."""
+        relay, also = await self.over_datagrams(**weather)
         said = await self.play("subscriptions", relay)
         self.assertEqual(said[-2:], ["unlucky refused", "nowhere no_such_service"])
         (session,) = await self.checked(relay, also)
         alone = [frame for _, frame, _ in session.history if frame.alone]
-        self.assertGreater(len(alone), 10)
         self.assertTrue(all(frame.name == "packet" for frame in alone))
+        return said, alone
+
+    async def test_subscriptions_over_datagrams(self):
+        said, alone = await self.subscriptions_over_datagrams()
+        self.assertEqual(said[1], "last received 16 lost 384 skipped 0 alive")
+        self.assertGreater(len(alone), 16)
+
+    async def test_a_burst_in_one_datagram_that_is_lost(self):
+        """Its packets go together, and of those that are lost only the newest is sent again: FORMAT.md §13."""
+        bursts = []
+
+        def loses(sender: str, data: bytes) -> bool:
+            """The first that has more than one packet; the others have 200 bytes."""
+            if sender == "responder" and len(data) > 600:
+                bursts.append(data)
+            return bursts[:1] == [data]
+
+        said, alone = await self.subscriptions_over_datagrams(loses=loses)
+        self.assertEqual(len(bursts), 1)
+        self.assertEqual(said[1], "last received 1 lost 399 skipped 0 alive")
+        self.assertGreaterEqual(len(alone), 3)
+
+    async def test_subscriptions_over_datagrams_of_which_some_are_lost(self):
+        for seed in range(1, 5):
+            with self.subTest(seed=seed):
+                _, alone = await self.subscriptions_over_datagrams(loss=0.05, repeats=0.05, seed=seed)
+                self.assertGreaterEqual(len(alone), 3)  # the newest of "latest", "last" and "limited" come at last
 
     async def test_big_messages_over_datagrams(self):
         relay, also = await self.over_datagrams(loss=0.02)

@@ -2,10 +2,9 @@
 
 #include <ise/core/executor.hpp>
 #include <ise/core/inproc.hpp>
-#include <ise/core/real/poller.hpp>
+#include <ise/core/real/epoll_loop.hpp>
 #include <ise/core/real/sockets.hpp>
 
-#include <asio/executor_work_guard.hpp>
 #include <asio/io_context.hpp>
 #include <asio/post.hpp>
 #include <asio/steady_timer.hpp>
@@ -25,7 +24,6 @@
 #include <arpa/inet.h>
 #include <ifaddrs.h>
 #include <net/if.h>
-#include <pthread.h>
 #include <sys/random.h>
 #include <sys/stat.h>
 #include <time.h>
@@ -63,82 +61,21 @@ struct loop_count {
 };
 
 // A place in the count.
-class counted {
+class counted_loop {
 public:
-    explicit counted(std::shared_ptr<loop_count> in) : in_(std::move(in)) {
+    explicit counted_loop(std::shared_ptr<loop_count> in) : in_(std::move(in)) {
         std::lock_guard lock(in_->mutex);
         ++in_->count;
     }
-    ~counted() {
+    ~counted_loop() {
         std::lock_guard lock(in_->mutex);
         if (--in_->count == 0) in_->none.notify_all();
     }
-    counted(const counted&) = delete;
-    counted& operator=(const counted&) = delete;
+    counted_loop(const counted_loop&) = delete;
+    counted_loop& operator=(const counted_loop&) = delete;
 
 private:
     std::shared_ptr<loop_count> in_;
-};
-
-// Destroys what waits in it before it is destroyed itself.
-class ending_context : public asio::io_context {
-public:
-    using asio::execution_context::shutdown;
-    using asio::io_context::io_context;
-};
-
-// A thread with an io_context of its own.
-class thread_loop final : public loop_host {
-public:
-    thread_loop(environment& environment, const std::string& name, std::shared_ptr<loop_count> among,
-                std::shared_ptr<real::poll_seats> seats)
-        : counted_(std::move(among)), seats_(std::move(seats)), context_(std::make_unique<ending_context>(1)),
-          loop_(std::make_unique<ise::loop>(
-              environment, context_->get_executor(),
-              [executor = context_->get_executor()] { return executor.running_in_this_thread(); })),
-          work_(asio::make_work_guard(*context_)) {
-        loop_->use_alarm(std::make_unique<asio_alarm>(*loop_));
-        thread_ = std::thread([this] { context_->run(); });
-        ::pthread_setname_np(thread_.native_handle(), name.substr(0, 15).c_str());
-    }
-
-    // What was posted since holds parts of the loop: the context goes before it.
-    ~thread_loop() override {
-        end();
-        context_.reset();
-    }
-
-    void end() override {
-        if (!thread_.joinable()) return;
-        work_.reset();
-        context_->stop();
-        thread_.join();
-        loop_->abandon();
-        loop_->use_alarm(nullptr);
-        if (poller_) poller_->stop();
-        context_->restart();
-        context_->poll();
-        context_->shutdown(); // and what waits for sockets and the like
-    }
-
-    ise::loop& loop() noexcept override { return *loop_; }
-
-    void poll(duration window) override {
-        asio::post(*context_, [this, window] {
-            if (loop_->abandoned() || poller_) return;
-            poller_ = std::make_unique<real::poller>(loop_->env(), *context_, window, seats_);
-            loop_->use_watcher(poller_.get());
-        });
-    }
-
-private:
-    counted counted_; // to the very end
-    std::shared_ptr<real::poll_seats> seats_;
-    std::unique_ptr<real::poller> poller_; // its handlers end with the context
-    std::unique_ptr<ending_context> context_;
-    std::unique_ptr<ise::loop> loop_;
-    asio::executor_work_guard<asio::io_context::executor_type> work_;
-    std::thread thread_;
 };
 
 class adopted_loop final : public loop_host {
@@ -243,7 +180,8 @@ std::optional<std::string> real_environment::variable(const std::string& name) c
 }
 
 std::unique_ptr<loop_host> real_environment::make_loop(const std::string& name) {
-    return std::make_unique<thread_loop>(*this, name, state_->loops, state_->poll_seats);
+    return std::make_unique<real::epoll_loop>(*this, name, std::make_shared<counted_loop>(state_->loops),
+                                              state_->poll_seats);
 }
 
 std::unique_ptr<loop_host> real_environment::adopt(asio::any_io_executor executor, bool one_thread) {

@@ -1,9 +1,13 @@
-#include <ise/core/real/descriptor_stream.hpp>
+#include <ise/core/real/socket_stream.hpp>
 #include <ise/core/real/sockets.hpp>
 
+#include <asio/error.hpp>
 #include <asio/local/stream_protocol.hpp>
 
 #include <fmt/format.h>
+
+#include <cerrno>
+#include <cstring>
 
 #include <sys/stat.h>
 #include <unistd.h>
@@ -20,27 +24,24 @@ local::endpoint address_of(const endpoint& at) {
     return local::endpoint(path);
 }
 
-std::unique_ptr<stream> as_stream(local::socket socket, std::string peer) {
-    std::error_code ignored;
-    socket.non_blocking(true, ignored);
-    return std::make_unique<descriptor_stream<local::socket>>(std::move(socket), std::move(peer));
-}
+using accepted = std::pair<std::error_code, std::unique_ptr<stream>>;
 
 class local_listener final : public listener {
 public:
-    local_listener(local::acceptor acceptor, endpoint where, ino_t file)
-        : acceptor_(std::move(acceptor)), where_(std::move(where)), file_(file) {}
+    local_listener(loop& on, owned_fd listening, endpoint where, ino_t file)
+        : on_(on), acceptor_(on, std::move(listening)), where_(std::move(where)), file_(file) {}
     ~local_listener() override { remove_file(); }
 
-    task<std::pair<std::error_code, std::unique_ptr<stream>>> accept() override {
-        auto [problem, socket] = co_await acceptor_.async_accept(as_tuple);
-        std::unique_ptr<stream> accepted;
-        if (!problem) accepted = as_stream(std::move(socket), where_.text());
-        co_return std::pair(problem, std::move(accepted));
+    std::error_code watch() { return acceptor_.watch(); }
+    task<accepted> accept() override {
+        auto& on = on_; // this may be gone afterwards
+        auto peer = where_.text();
+        auto [problem, socket] = co_await acceptor_.accept();
+        if (problem) co_return accepted(problem, nullptr);
+        co_return socket_stream::of(on, std::move(socket), std::move(peer));
     }
     void close() override {
-        std::error_code ignored;
-        acceptor_.close(ignored);
+        acceptor_.close();
         remove_file();
     }
     endpoint where() const override { return where_; }
@@ -53,48 +54,61 @@ private:
         file_ = 0;
     }
 
-    local::acceptor acceptor_;
+    loop& on_;
+    socket_acceptor acceptor_;
     endpoint where_;
     ino_t file_;
 };
 
 // A socket's file outlives a killed process: one at which nobody listens any more may be replaced.
-bool nobody_listens(loop& on, const endpoint& at) {
-    std::error_code problem;
-    local::socket probe(on.get_executor());
-    probe.connect(address_of(at), problem);
-    return problem == asio::error::connection_refused;
+bool nobody_listens(const local::endpoint& at) {
+    auto probe = new_socket(AF_UNIX, SOCK_STREAM);
+    return probe && ::connect(probe.get(), at.data(), static_cast<socklen_t>(at.size())) != 0 && errno == ECONNREFUSED;
+}
+
+bool bind_to(const owned_fd& socket, const local::endpoint& at) {
+    return ::bind(socket.get(), at.data(), static_cast<socklen_t>(at.size())) == 0;
 }
 
 } // namespace
 
 task<result<std::unique_ptr<stream>>> connect_local(loop& on, endpoint to) {
-    local::socket socket(on.get_executor());
-    auto [problem] = co_await socket.async_connect(address_of(to), as_tuple);
+    auto address = address_of(to);
+    sockaddr_storage target{};
+    std::memcpy(&target, address.data(), address.size());
+    auto size = static_cast<socklen_t>(address.size());
+    auto [problem, line] = co_await socket_stream::connect(on, target, size, to.text());
     if (problem == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
     if (problem) co_return connect_failure(to, problem);
-    co_return as_stream(std::move(socket), to.text());
+    co_return std::move(line);
 }
 
 result<std::unique_ptr<listener>> listen_local(loop& on, const endpoint& at) {
     std::error_code problem;
     auto refuse = [&] { return io_failure(fmt::format("cannot listen on {}", at.text()), problem); };
+    auto refuse_for_last = [&] {
+        problem = last_system_error();
+        return refuse();
+    };
 
-    local::acceptor acceptor(on.get_executor());
-    acceptor.open(local(), problem);
-    if (problem) return refuse();
-    acceptor.bind(address_of(at), problem);
-    bool file = !at.path.starts_with('@');
-    if (problem == asio::error::address_in_use && file && nobody_listens(on, at)) {
+    auto socket = new_socket(AF_UNIX, SOCK_STREAM);
+    if (!socket) return refuse_for_last();
+    const auto address = address_of(at);
+    const bool file = !at.path.starts_with('@');
+    bool bound = bind_to(socket, address);
+    if (!bound) {
+        problem = last_system_error();
+        if (problem.value() != EADDRINUSE || !file || !nobody_listens(address)) return refuse();
         ::unlink(at.path.c_str());
-        acceptor.bind(address_of(at), problem);
+        bound = bind_to(socket, address);
     }
-    if (problem) return refuse();
-    acceptor.listen(asio::socket_base::max_listen_connections, problem);
-    if (problem) return refuse();
+    if (!bound || ::listen(socket.get(), SOMAXCONN) != 0) return refuse_for_last();
     struct stat made {};
     if (file) ::stat(at.path.c_str(), &made);
-    return std::unique_ptr<listener>(std::make_unique<local_listener>(std::move(acceptor), at, made.st_ino));
+    auto ear = std::make_unique<local_listener>(on, std::move(socket), at, made.st_ino);
+    problem = ear->watch();
+    if (problem) return refuse();
+    return std::unique_ptr<listener>(std::move(ear));
 }
 
 } // namespace ise::real

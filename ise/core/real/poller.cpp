@@ -27,8 +27,8 @@ bool poll_seats::take() noexcept {
     return false;
 }
 
-poller::poller(environment& world, asio::io_context& context, duration window, std::shared_ptr<poll_seats> seats)
-    : world_(world), context_(context), policy_(window), seats_(std::move(seats)) {}
+poller::poller(environment& world, asio::any_io_executor on, duration window, std::shared_ptr<poll_seats> seats)
+    : world_(world), on_(std::move(on)), policy_(window), seats_(std::move(seats)) {}
 
 poller::~poller() { leave(); }
 
@@ -51,7 +51,7 @@ void poller::stop() noexcept {
 
 void poller::post_look() {
     queued_ = true;
-    asio::post(context_, [this] { look(); });
+    asio::post(on_, [this] { look(); });
 }
 
 // Runs behind everything that came.

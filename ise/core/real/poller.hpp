@@ -2,7 +2,7 @@
 #include <ise/core/loop.hpp>
 #include <ise/core/real/poll_policy.hpp>
 
-#include <asio/io_context.hpp>
+#include <asio/any_io_executor.hpp>
 
 #include <atomic>
 #include <memory>
@@ -19,14 +19,14 @@ private:
     std::atomic<int> taken_{0};
 };
 
-/// Keeps a thread that runs an io_context from sleeping while that pays (`poll_policy`): as long as a handler of it is
-/// queued, Asio asks the system for events without waiting.
+/// Keeps the thread of a loop from sleeping while that pays (`poll_policy`): as long as work is queued, the loop asks
+/// the system for events without waiting.
 ///
-/// Lifetime: outlives the handlers of the context. Used on the context's thread, or when that has ended.
+/// Lifetime: outlives what it posts. Used on the loop's thread, or when that has ended.
 class poller final : public idle_watcher {
 public:
-    /// `context` is run by one thread.
-    poller(environment& world, asio::io_context& context, duration window, std::shared_ptr<poll_seats> seats);
+    /// `on` is the executor of one thread.
+    poller(environment& world, asio::any_io_executor on, duration window, std::shared_ptr<poll_seats> seats);
     ~poller() override;
 
     void on_turn(time_point now) override;
@@ -40,7 +40,7 @@ private:
     bool preempted() noexcept;
 
     environment& world_;
-    asio::io_context& context_;
+    asio::any_io_executor on_;
     poll_policy policy_;
     std::shared_ptr<poll_seats> seats_;
     long preemptions_ = 0; // of this thread, when last counted

@@ -17,12 +17,12 @@
 namespace ise::real {
 namespace {
 
-using descriptor = asio::posix::stream_descriptor;
+using terminal_end = asio::posix::stream_descriptor;
 
 /// The master, which takes its link along.
 class master_stream final : public stream {
 public:
-    master_stream(descriptor master, std::string device, std::string link)
+    master_stream(terminal_end master, std::string device, std::string link)
         : inner_(std::move(master), device), device_(std::move(device)), link_(std::move(link)) {}
     ~master_stream() override { unlink(); }
 
@@ -47,7 +47,7 @@ private:
         link_.clear();
     }
 
-    descriptor_stream<descriptor> inner_;
+    descriptor_stream<terminal_end> inner_;
     std::string device_, link_;
 };
 
@@ -83,7 +83,7 @@ result<void> make_link(const std::string& device, const std::string& link) {
 result<pseudo_terminal> open_pseudo_terminal(loop& on, const std::string& link) {
     int raw = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC | O_NONBLOCK);
     if (raw < 0) return io_failure("cannot make a pseudo-terminal", last_error());
-    descriptor master(on.get_executor(), raw);
+    terminal_end master(on.get_executor(), raw);
     std::array<char, 128> name{};
     // Raw from the start: nothing is echoed before a program opens it. Set through the master, so that the device
     // was never opened and a read waits for whoever opens it first.

@@ -1,51 +1,52 @@
-#include <ise/core/real/descriptor_stream.hpp>
+#include <ise/core/asio_compat.hpp>
+#include <ise/core/real/socket_stream.hpp>
 #include <ise/core/real/sockets.hpp>
 
-#include <asio/connect.hpp>
+#include <asio/io_context.hpp>
 #include <asio/ip/tcp.hpp>
 
 #include <fmt/format.h>
 
 #include <cerrno>
+#include <cstring>
+#include <vector>
 
 namespace ise::real {
 namespace {
 
 using asio::ip::tcp;
-
-void tune(tcp::socket& socket) {
-    std::error_code ignored; // a socket that died already says so at its first read
-    socket.set_option(tcp::no_delay(true), ignored);
-    socket.non_blocking(true, ignored);
-}
+using compat::as_tuple;
 
 endpoint as_endpoint(const tcp::endpoint& at) { return {protocol::tcp, at.address().to_string(), at.port(), {}}; }
 
-std::unique_ptr<stream> as_stream(tcp::socket socket) {
-    tune(socket);
-    std::error_code ignored;
-    auto peer = as_endpoint(socket.remote_endpoint(ignored)).text();
-    return std::make_unique<descriptor_stream<tcp::socket>>(std::move(socket), std::move(peer));
+std::string peer_of(int fd) {
+    tcp::endpoint far;
+    socklen_t size = static_cast<socklen_t>(far.capacity());
+    if (::getpeername(fd, far.data(), &size) != 0) far = {}; // one that died already
+    return as_endpoint(far).text();
 }
 
 using accepted = std::pair<std::error_code, std::unique_ptr<stream>>;
 
 class tcp_listener final : public listener {
 public:
-    tcp_listener(tcp::acceptor acceptor, endpoint where) : acceptor_(std::move(acceptor)), where_(std::move(where)) {}
+    tcp_listener(loop& on, owned_fd listening, endpoint where)
+        : on_(on), acceptor_(on, std::move(listening)), where_(std::move(where)) {}
 
-    task<std::pair<std::error_code, std::unique_ptr<stream>>> accept() override {
-        auto [problem, socket] = co_await acceptor_.async_accept(as_tuple);
-        co_return accepted(problem, problem ? nullptr : as_stream(std::move(socket)));
+    std::error_code watch() { return acceptor_.watch(); }
+    task<accepted> accept() override {
+        auto& on = on_; // this may be gone afterwards
+        auto [problem, socket] = co_await acceptor_.accept();
+        if (problem) co_return accepted(problem, nullptr);
+        auto peer = peer_of(socket.get());
+        co_return socket_stream::of(on, std::move(socket), std::move(peer));
     }
-    void close() override {
-        std::error_code ignored;
-        acceptor_.close(ignored);
-    }
+    void close() override { acceptor_.close(); }
     endpoint where() const override { return where_; }
 
 private:
-    tcp::acceptor acceptor_;
+    loop& on_;
+    socket_acceptor acceptor_;
     endpoint where_;
 };
 
@@ -60,24 +61,33 @@ failure connect_failure(const endpoint& to, const std::error_code& why) {
 }
 
 task<result<std::unique_ptr<stream>>> connect_tcp(loop& on, endpoint to) {
-    tcp::resolver resolver(on.get_executor());
-    auto flags = tcp::resolver::numeric_service;
-    auto [no_name, found] = co_await resolver.async_resolve(to.host, std::to_string(to.port), flags, as_tuple);
-    if (no_name) {
+    std::vector<tcp::endpoint> found;
+    std::error_code no_address;
+    auto address = asio::ip::make_address(to.host, no_address);
+    if (!no_address) {
+        found.emplace_back(address, to.port);
+    } else {
+        tcp::resolver resolver(on.get_executor());
+        auto flags = tcp::resolver::numeric_service;
+        auto [no_name, all] = co_await resolver.async_resolve(to.host, std::to_string(to.port), flags, as_tuple);
         if (no_name == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
-        co_return failure(errc::unreachable,
-                          fmt::format("{}: cannot resolve '{}': {}", to.text(), to.host, no_name.message()));
+        if (no_name)
+            co_return failure(errc::unreachable,
+                              fmt::format("{}: cannot resolve '{}': {}", to.text(), to.host, no_name.message()));
+        for (const auto& one : all) found.push_back(one.endpoint());
     }
     std::string tried;
-    bool itself = found.size() == 1 && as_endpoint(found.begin()->endpoint()).text() == to.text();
+    const bool itself = found.size() == 1 && as_endpoint(found.front()).text() == to.text();
     for (const auto& candidate : found) {
-        tcp::socket socket(on.get_executor());
-        auto [problem] = co_await socket.async_connect(candidate.endpoint(), as_tuple);
-        if (!problem) co_return as_stream(std::move(socket));
+        sockaddr_storage target{};
+        std::memcpy(&target, candidate.data(), candidate.size());
+        auto where = as_endpoint(candidate).text();
+        auto size = static_cast<socklen_t>(candidate.size());
+        auto [problem, line] = co_await socket_stream::connect(on, target, size, where);
+        if (!problem) co_return std::move(line);
         if (problem == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
         if (itself || out_of_descriptors(problem)) co_return connect_failure(to, problem);
-        tried += fmt::format("{}{}: {}", tried.empty() ? "" : ", ", as_endpoint(candidate.endpoint()).text(),
-                             problem.message());
+        tried += fmt::format("{}{}: {}", tried.empty() ? "" : ", ", where, problem.message());
     }
     co_return failure(errc::unreachable, fmt::format("cannot connect to {} ({})", to.text(), tried));
 }
@@ -85,23 +95,31 @@ task<result<std::unique_ptr<stream>>> connect_tcp(loop& on, endpoint to) {
 result<std::unique_ptr<listener>> listen_tcp(loop& on, const endpoint& at) {
     std::error_code problem;
     auto refuse = [&] { return io_failure(fmt::format("cannot listen on {}", at.text()), problem); };
+    auto refuse_for_last = [&] {
+        problem = last_system_error();
+        return refuse();
+    };
 
-    tcp::resolver resolver(on.get_executor());
+    asio::io_context here;
+    tcp::resolver resolver(here);
     auto found = resolver.resolve(at.host, std::to_string(at.port),
                                   tcp::resolver::passive | tcp::resolver::numeric_service, problem);
     if (problem || found.empty()) return refuse();
-    auto address = found.begin()->endpoint();
+    const auto address = found.begin()->endpoint();
 
-    tcp::acceptor acceptor(on.get_executor());
-    acceptor.open(address.protocol(), problem);
+    auto socket = new_socket(address.protocol().family(), SOCK_STREAM);
+    if (!socket) return refuse_for_last();
+    const int yes = 1;
+    tcp::endpoint bound;
+    auto size = static_cast<socklen_t>(bound.capacity());
+    if (::setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
+        ::bind(socket.get(), address.data(), static_cast<socklen_t>(address.size())) != 0 ||
+        ::listen(socket.get(), SOMAXCONN) != 0 || ::getsockname(socket.get(), bound.data(), &size) != 0)
+        return refuse_for_last();
+    auto made = std::make_unique<tcp_listener>(on, std::move(socket), as_endpoint(bound));
+    problem = made->watch();
     if (problem) return refuse();
-    acceptor.set_option(tcp::acceptor::reuse_address(true), problem);
-    acceptor.bind(address, problem);
-    if (problem) return refuse();
-    acceptor.listen(asio::socket_base::max_listen_connections, problem);
-    if (problem) return refuse();
-    auto where = as_endpoint(acceptor.local_endpoint(problem));
-    return std::unique_ptr<listener>(std::make_unique<tcp_listener>(std::move(acceptor), std::move(where)));
+    return std::unique_ptr<listener>(std::move(made));
 }
 
 } // namespace ise::real

@@ -1,10 +1,14 @@
-#include <ise/core/real/descriptor_stream.hpp>
+#include <ise/core/datagram_taker.hpp>
+#include <ise/core/real/socket_stream.hpp>
 #include <ise/core/real/sockets.hpp>
 
 #include <asio/ip/udp.hpp>
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <cerrno>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -15,6 +19,7 @@ namespace {
 using asio::ip::udp;
 
 constexpr std::size_t max_datagram = 65'535;
+constexpr std::size_t at_once = 4; // of one call: that it brings fewer says that there are no more
 // What arrives while the loop is busy; the kernel gives less where its administrator says so.
 constexpr int kernel_buffer_bytes = 1 << 20;
 
@@ -22,27 +27,48 @@ endpoint as_endpoint(const udp::endpoint& at) { return {protocol::udp, at.addres
 
 using received = std::pair<std::error_code, const datagram*>;
 
-class udp_socket final : public datagram_socket {
+class udp_socket final : public datagram_socket, public datagram_source, private descriptor {
 public:
-    udp_socket(loop& on, udp::socket socket, endpoint where)
-        : on_(on), socket_(std::move(socket)), where_(std::move(where)) {}
+    udp_socket(loop& on, owned_fd socket, endpoint where)
+        : descriptor(on, std::move(socket)), where_(std::move(where)), receiver_(on, [this] {
+              receiver_.resume({asio::error::operation_aborted, nullptr});
+          }) {}
+    ~udp_socket() override { close(); }
+
+    using descriptor::watch;
+
+    void use(std::weak_ptr<datagram_taker> taker) override {
+        taker_ = std::move(taker);
+        used_ = true;
+        want_read();
+    }
 
     task<received> receive() override {
-        if (room_.empty()) room_.resize(max_datagram);
-        auto [problem, count] = co_await socket_.async_receive_from(asio::buffer(room_), sender_, as_tuple);
-        co_return take(problem, count);
+        if (!fd_open()) co_return received(asio::error::operation_aborted, nullptr);
+        if (has_read()) {
+            auto got = take();
+            if (got.first != asio::error::would_block) co_return got;
+        }
+        want_read();
+        auto got = co_await receiver_.wait();
+        co_return got;
     }
 
     std::error_code try_send(const endpoint& to, bytes_view content) override {
         std::error_code problem;
         auto address = address_of(to, problem);
-        if (!problem) socket_.send_to(asio::buffer(content.data(), content.size()), address, 0, problem);
-        return problem;
+        if (problem) return problem;
+        while (::sendto(fd(), content.data(), content.size(), MSG_NOSIGNAL | MSG_DONTWAIT, address.data(),
+                        static_cast<socklen_t>(address.size())) < 0)
+            if (errno != EINTR)
+                return errno == EAGAIN ? make_error_code(asio::error::would_block) : last_system_error();
+        return {};
     }
 
     void close() override {
-        std::error_code ignored;
-        socket_.close(ignored);
+        if (!fd_open()) return;
+        close_descriptor();
+        receiver_.resume({asio::error::operation_aborted, nullptr});
     }
     endpoint where() const override { return where_; }
 
@@ -54,14 +80,70 @@ private:
         endpoint named;
     };
 
-    received take(std::error_code problem, std::size_t count) {
-        if (problem) return {problem, nullptr};
-        if (sender_ != last_sender_) {
-            last_.peer = as_endpoint(sender_);
-            last_sender_ = sender_;
+    // One of those that were read, or a read.
+    bool has_read() noexcept { return next_ < come_ || may_read(); }
+
+    void on_readable() override {
+        if (used_) return hand_over();
+        if (!receiver_.waiting() || !has_read()) return;
+        auto got = take();
+        if (got.first == asio::error::would_block) want_read();
+        else receiver_.resume(got);
+    }
+    void on_writable() override {}
+
+    void hand_over() {
+        auto taker = taker_.lock(); // it may own this socket
+        if (!taker) return;
+        while (fd_open() && has_read()) {
+            auto got = take();
+            if (got.second) taker->take(*got.second);
+            else if (got.first != asio::error::would_block) taker->on_trouble(got.first);
         }
-        last_.content.assign(room_.begin(), room_.begin() + static_cast<std::ptrdiff_t>(count));
+        if (fd_open()) want_read();
+    }
+
+    received take() {
+        if (next_ == come_) {
+            if (auto problem = read()) return {problem, nullptr};
+        }
+        auto& one = all_->messages[next_];
+        auto& from = all_->senders[next_];
+        from.resize(one.msg_hdr.msg_namelen);
+        if (from != last_sender_) {
+            last_.peer = as_endpoint(from);
+            last_sender_ = from;
+        }
+        const auto* content = all_->rooms[next_++].data();
+        last_.content.assign(content, content + one.msg_len);
         return {{}, &last_};
+    }
+
+    std::error_code read() {
+        if (!all_) all_ = std::make_unique_for_overwrite<batch>();
+        for (std::size_t i = 0; i < at_once; ++i) {
+            all_->parts[i] = {all_->rooms[i].data(), max_datagram};
+            all_->messages[i].msg_hdr = {all_->senders[i].data(),
+                                         static_cast<socklen_t>(all_->senders[i].capacity()),
+                                         &all_->parts[i],
+                                         1,
+                                         nullptr,
+                                         0,
+                                         0};
+        }
+        int count = 0;
+        do count = ::recvmmsg(fd(), all_->messages.data(), at_once, 0, nullptr);
+        while (count < 0 && errno == EINTR);
+        next_ = 0;
+        come_ = static_cast<std::size_t>(std::max(count, 0));
+        if (count == at_once) return {};
+        if (count > 0) {
+            found_less();
+            return {};
+        }
+        const auto problem = last_system_error();
+        found_nothing();
+        return problem;
     }
 
     udp::endpoint address_of(const endpoint& to, std::error_code& problem) {
@@ -84,7 +166,7 @@ private:
 
     // A name is looked up without waiting: would_block until it is known.
     asio::ip::address named(const endpoint& to, std::error_code& problem) {
-        if (!lookup_) lookup_ = std::make_shared<lookup>(on_);
+        if (!lookup_) lookup_ = std::make_shared<lookup>(on());
         problem = asio::error::would_block;
         if (lookup_->pending) return {};
         if (lookup_->name == to.host) {
@@ -110,16 +192,25 @@ private:
         return {};
     }
 
-    loop& on_;
-    udp::socket socket_;
+    // Only what datagrams fill of it becomes memory.
+    struct batch {
+        std::array<mmsghdr, at_once> messages;
+        std::array<iovec, at_once> parts;
+        std::array<udp::endpoint, at_once> senders;
+        std::array<std::array<std::byte, max_datagram>, at_once> rooms;
+    };
+
     endpoint where_;
-    bytes room_;           // of the receive that waits
-    udp::endpoint sender_; // its datagram's
+    std::unique_ptr<batch> all_;
+    std::size_t next_ = 0, come_ = 0; // of what was read
+    std::weak_ptr<datagram_taker> taker_;
+    bool used_ = false; // there is one
     datagram last_;
     udp::endpoint last_sender_;
     std::mutex sending_; // signs of life are sent from another thread
     peer went_to_;
     std::shared_ptr<lookup> lookup_;
+    waiter<received> receiver_;
 };
 
 } // namespace
@@ -129,16 +220,24 @@ result<std::unique_ptr<datagram_socket>> open_udp(loop& on, const endpoint& at) 
     auto refuse = [&] { return io_failure(fmt::format("cannot open {}", at.text()), problem); };
     auto address = asio::ip::make_address(at.host == "localhost" ? "127.0.0.1" : at.host, problem);
     if (problem) return refuse();
-    udp::socket socket(on.get_executor());
-    socket.open(address.is_v6() ? udp::v6() : udp::v4(), problem);
+    auto refuse_for_last = [&] {
+        problem = last_system_error();
+        return refuse();
+    };
+    auto socket = new_socket(address.is_v6() ? AF_INET6 : AF_INET, SOCK_DGRAM);
+    if (!socket) return refuse_for_last();
+    const udp::endpoint wanted(address, at.port);
+    udp::endpoint bound;
+    auto size = static_cast<socklen_t>(bound.capacity());
+    if (::bind(socket.get(), wanted.data(), static_cast<socklen_t>(wanted.size())) != 0 ||
+        ::getsockname(socket.get(), bound.data(), &size) != 0)
+        return refuse_for_last();
+    // What the kernel gives is used.
+    ::setsockopt(socket.get(), SOL_SOCKET, SO_RCVBUF, &kernel_buffer_bytes, sizeof kernel_buffer_bytes);
+    auto made = std::make_unique<udp_socket>(on, std::move(socket), as_endpoint(bound));
+    problem = made->watch();
     if (problem) return refuse();
-    socket.bind(udp::endpoint(address, at.port), problem);
-    if (problem) return refuse();
-    socket.non_blocking(true, problem);
-    std::error_code ignored; // what the kernel gives is used
-    socket.set_option(asio::socket_base::receive_buffer_size(kernel_buffer_bytes), ignored);
-    auto where = as_endpoint(socket.local_endpoint(problem));
-    return std::unique_ptr<datagram_socket>(std::make_unique<udp_socket>(on, std::move(socket), std::move(where)));
+    return std::unique_ptr<datagram_socket>(std::move(made));
 }
 
 } // namespace ise::real

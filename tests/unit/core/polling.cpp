@@ -36,7 +36,7 @@ struct fixture {
     std::shared_ptr<ise::real::poll_seats> seats = std::make_shared<ise::real::poll_seats>();
     asio::io_context io{1};
     ise::loop loop{clock, io.get_executor(), [] { return true; }};
-    ise::real::poller poller{clock, io, 50us, seats};
+    ise::real::poller poller{clock, io.get_executor(), 50us, seats};
     fixture() { loop.use_watcher(&poller); }
     ~fixture() { loop.use_watcher(nullptr); }
 

@@ -1,0 +1,111 @@
+#include <ise/core/real/descriptor.hpp>
+
+#include <ise/core/executor.hpp>
+#include <ise/core/loop_executor.hpp>
+
+#include <asio/error.hpp>
+#include <asio/posix/stream_descriptor.hpp>
+
+#include <cerrno>
+
+#include <sys/epoll.h>
+#include <unistd.h>
+
+namespace ise::real {
+
+void owned_fd::reset(int fd) noexcept {
+    if (fd_ >= 0) ::close(fd_);
+    fd_ = fd;
+}
+
+std::error_code last_system_error() noexcept { return {errno, asio::error::get_system_category()}; }
+
+// Waits through Asio; its handlers may come after the descriptor is gone.
+struct descriptor::asio_watch {
+    asio_watch(loop& on, descriptor& whose, int fd) : of(&whose), object(on.get_executor(), fd) {}
+
+    static void wait(const std::shared_ptr<asio_watch>& self, bool to_write) {
+        auto& waits = to_write ? self->writing : self->reading;
+        if (std::exchange(waits, true)) return;
+        auto kind = to_write ? asio::posix::stream_descriptor::wait_write : asio::posix::stream_descriptor::wait_read;
+        self->object.async_wait(kind, [self, to_write](std::error_code problem) {
+            (to_write ? self->writing : self->reading) = false;
+            if (problem || !self->of || self->of->on_.abandoned()) return;
+            loop::turn in(self->of->on_);
+            if (to_write) self->of->on_writable();
+            else self->of->come_readable(false);
+        });
+    }
+
+    descriptor* of; // null: closed
+    asio::posix::stream_descriptor object;
+    bool reading = false;
+    bool writing = false;
+};
+
+std::error_code descriptor::watch() {
+    if (auto* own = executor_cast<loop_executor>(on_.get_executor())) {
+        auto& through = dynamic_cast<readiness&>(own->queue());
+        auto problem = through.add(*this);
+        if (!problem) epoll_ = &through;
+        return problem;
+    }
+    try {
+        asio_ = std::make_shared<asio_watch>(on_, *this, fd_.get());
+    } catch (const std::system_error& wrong) {
+        return wrong.code();
+    }
+    return {};
+}
+
+void descriptor::close_descriptor() noexcept {
+    if (epoll_) {
+        epoll_->remove(*this);
+        epoll_ = nullptr;
+    } else if (asio_) {
+        asio_->of = nullptr;
+        std::error_code ignored;
+        asio_->object.close(ignored);
+        asio_.reset();
+        fd_.release();
+    }
+    fd_.reset();
+}
+
+void descriptor::want_read() {
+    if (asio_) return asio_watch::wait(asio_, false);
+    if (epoll_ && readable_ && !std::exchange(again_, true)) epoll_->again(*this);
+}
+
+std::error_code descriptor::want_write() {
+    if (asio_) {
+        asio_watch::wait(asio_, true);
+    } else if (epoll_ && !waits_to_write_) {
+        if (auto problem = epoll_->change(*this, true)) return problem;
+        waits_to_write_ = true;
+    }
+    return {};
+}
+
+void descriptor::come_readable(bool over) {
+    readable_ = true;
+    over_ = over_ || over;
+    reads_left_ = reads_in_a_row;
+    on_readable();
+}
+
+void descriptor::on_again() {
+    again_ = false;
+    come_readable(false);
+}
+
+void descriptor::on_events(std::uint32_t events) {
+    if (events & (EPOLLOUT | EPOLLHUP | EPOLLERR) && std::exchange(waits_to_write_, false)) {
+        epoll_->change(*this, false);
+        on_writable();
+    }
+    if (events & (EPOLLIN | EPOLLRDHUP | EPOLLHUP | EPOLLERR))
+        come_readable(events & (EPOLLRDHUP | EPOLLHUP | EPOLLERR));
+}
+
+} // namespace ise::real

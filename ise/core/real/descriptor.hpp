@@ -1,0 +1,105 @@
+#pragma once
+#include <ise/core/loop.hpp>
+
+#include <cstdint>
+#include <memory>
+#include <system_error>
+#include <utility>
+
+namespace ise::real {
+
+class descriptor;
+
+/// Who tells descriptors what is ready: a loop of ISE's own. On the loop, or once it has ended.
+class readiness {
+public:
+    virtual std::error_code add(descriptor& watched) = 0;
+    virtual std::error_code change(descriptor& watched, bool to_write) = 0;
+    virtual void remove(descriptor& watched) noexcept = 0;
+    /// It is told again that it can be read, after others had their turn.
+    virtual void again(descriptor& watched) = 0;
+
+protected:
+    ~readiness() = default;
+};
+
+/// A file descriptor that belongs to this process, non-blocking and closed on exec; -1: none.
+class owned_fd {
+public:
+    owned_fd() noexcept = default;
+    explicit owned_fd(int fd) noexcept : fd_(fd) {}
+    owned_fd(owned_fd&& other) noexcept : fd_(other.release()) {}
+    owned_fd& operator=(owned_fd&& other) noexcept {
+        reset(other.release());
+        return *this;
+    }
+    ~owned_fd() { reset(); }
+
+    explicit operator bool() const noexcept { return fd_ >= 0; }
+    int get() const noexcept { return fd_; }
+    int release() noexcept { return std::exchange(fd_, -1); }
+    void reset(int fd = -1) noexcept;
+
+private:
+    int fd_ = -1;
+};
+
+/// The error of the system call that failed last, in the category of Asio, whose errors it is compared with.
+std::error_code last_system_error() noexcept;
+
+/// A descriptor and its readiness on a loop: told by epoll where the loop is one of ISE's own, else by Asio. Used on
+/// the loop. Whoever derives from it closes it first of all when it is destroyed.
+class descriptor {
+public:
+    descriptor(const descriptor&) = delete;
+    descriptor& operator=(const descriptor&) = delete;
+
+    int fd() const noexcept { return fd_.get(); }
+    /// What epoll has told, in a turn of the loop.
+    void on_events(std::uint32_t events);
+    void on_again();
+
+protected:
+    descriptor(loop& on, owned_fd fd) noexcept : on_(on), fd_(std::move(fd)) {}
+    ~descriptor() { close_descriptor(); }
+
+    /// Begins to watch it; a socket that connects begins to connect before.
+    std::error_code watch();
+    void close_descriptor() noexcept;
+
+    loop& on() const noexcept { return on_; }
+    bool fd_open() const noexcept { return static_cast<bool>(fd_); }
+
+    /// There is something to read, or the end, or an error: a reader need not wait. False once reading has found
+    /// nothing. One that finds something each time gives way to others after some reads.
+    bool may_read() noexcept { return readable_ && reads_left_ > 0 && reads_left_-- > 0; }
+    void found_nothing() noexcept { readable_ = false; }
+    /// All was read that there was. What comes later is told, but an end that was told already is not told again.
+    void found_less() noexcept { readable_ = readable_ && over_; }
+
+    /// In a turn of the loop, where reading may find something. Nothing is destroyed within the call.
+    virtual void on_readable() = 0;
+    virtual void on_writable() = 0;
+    /// Whoever waits asks for it each time.
+    void want_read();
+    std::error_code want_write();
+
+private:
+    struct asio_watch;
+
+    static constexpr int reads_in_a_row = 16;
+
+    void come_readable(bool over);
+
+    loop& on_;
+    owned_fd fd_;
+    readiness* epoll_ = nullptr; // else Asio
+    std::shared_ptr<asio_watch> asio_;
+    int reads_left_ = 0;
+    bool readable_ = false;
+    bool over_ = false;           // the end, or an error
+    bool waits_to_write_ = false; // epoll tells it
+    bool again_ = false;          // listed for the next round of the loop
+};
+
+} // namespace ise::real

@@ -1,0 +1,76 @@
+#pragma once
+#include <ise/core/real/descriptor.hpp>
+#include <ise/core/stream.hpp>
+#include <ise/core/verified_peer.hpp>
+#include <ise/core/waiter.hpp>
+
+#include <sys/socket.h>
+
+#include <string>
+
+namespace ise::real {
+
+/// A connected stream socket, tcp or local.
+class socket_stream final : public stream, public verified_stream, private descriptor {
+public:
+    socket_stream(loop& on, owned_fd fd, std::string peer);
+    ~socket_stream() override { close(); }
+
+    /// A stream over a socket that is connected.
+    static std::pair<std::error_code, std::unique_ptr<stream>> of(loop& on, owned_fd connected, std::string peer);
+    /// Connects a new socket to an address. Errors: those of the system. Cancellation: terminal, `operation_aborted`,
+    /// and nothing stays open.
+    static task<std::pair<std::error_code, std::unique_ptr<stream>>> connect(loop& on, sockaddr_storage to,
+                                                                             socklen_t size, std::string peer);
+
+    task<transfer> read_some(asio::mutable_buffer into) override;
+    transfer try_write(std::span<const asio::const_buffer> from) override;
+    task<std::error_code> wait_writable() override;
+    void limit_unsent(std::size_t most) override;
+    void shutdown_write() override;
+    void close() override;
+    std::string peer() const override { return peer_; }
+    void add_verified(verified_peer& to) const override;
+    std::optional<endpoint> local() const override;
+
+private:
+    struct outcome {
+        std::error_code problem;
+    };
+
+    transfer read(asio::mutable_buffer into);
+    void on_readable() override;
+    void on_writable() override { writable_.resume({}); }
+
+    std::string peer_;
+    asio::mutable_buffer into_; // of the read that waits
+    waiter<transfer> reader_;
+    waiter<outcome> writable_;
+};
+
+/// Accepts connections on a socket that listens.
+class socket_acceptor : private descriptor {
+public:
+    using accepted = std::pair<std::error_code, owned_fd>;
+
+    socket_acceptor(loop& on, owned_fd listening);
+    ~socket_acceptor() { close(); }
+
+    using descriptor::watch;
+    /// As `listener::accept`. Errors: those of the system, and it may be called again; `operation_aborted` after
+    /// `close`. Cancellation: terminal; who comes later waits for the next `accept`.
+    task<accepted> accept();
+    void close() noexcept;
+
+private:
+    accepted take();
+    void on_readable() override;
+    void on_writable() override {}
+
+    waiter<accepted> waiting_;
+};
+
+/// A new socket, non-blocking and closed on exec; none: `last_system_error()`.
+owned_fd new_socket(int family, int type) noexcept;
+
+} // namespace ise::real

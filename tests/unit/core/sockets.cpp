@@ -1,0 +1,462 @@
+// Sockets of the real world, on a loop of ISE's own and on an io_context of the program.
+#include <ise/asio.hpp>
+#include <ise/core/datagram_taker.hpp>
+#include <ise/core/real/environment.hpp>
+#include <ise/core/sleep.hpp>
+
+#include <support/catch.hpp>
+
+#include <asio/bind_cancellation_slot.hpp>
+#include <asio/io_context.hpp>
+#include <asio/ip/tcp.hpp>
+#include <asio/steady_timer.hpp>
+#include <asio/use_future.hpp>
+
+#include <atomic>
+#include <csignal>
+#include <functional>
+#include <future>
+#include <optional>
+#include <span>
+#include <string>
+#include <thread>
+
+#include <pthread.h>
+#include <unistd.h>
+
+namespace sockets_test {
+
+using namespace std::chrono_literals;
+using ise::task;
+
+namespace {
+
+constexpr std::size_t much = 16 << 20; // more than the system holds
+
+// A loop of either kind; what is made on it goes before it.
+struct place {
+    explicit place(bool own) {
+        if (own) {
+            host = env.make_loop("sockets");
+            return;
+        }
+        host = env.adopt(io.get_executor(), true);
+        thread = std::thread([this] { io.run(); });
+    }
+    ~place() {
+        if (!thread.joinable()) {
+            host->end();
+            return;
+        }
+        std::promise<void> ended;
+        asio::post(io, [&] {
+            host->end();
+            ended.set_value();
+        });
+        ended.get_future().wait();
+        work.reset();
+        io.stop();
+        thread.join();
+    }
+    template <class T>
+    T run(task<T> what) {
+        return ise::async_run(host->loop().get_executor(), std::move(what), asio::use_future).get();
+    }
+
+    ise::real_environment env;
+    asio::io_context io{1};
+    std::optional<asio::executor_work_guard<asio::io_context::executor_type>> work{io.get_executor()};
+    std::unique_ptr<ise::loop_host> host;
+    std::thread thread;
+};
+
+struct pair {
+    std::unique_ptr<ise::listener> ear;
+    std::unique_ptr<ise::stream> near, far;
+};
+
+task<pair> connected(place& at, ise::endpoint where) {
+    pair made;
+    made.ear = at.env.listen(at.host->loop(), where).value();
+    auto line = co_await at.env.connect(at.host->loop(), made.ear->where());
+    made.near = std::move(line).value();
+    auto [problem, stranger] = co_await made.ear->accept();
+    if (problem) throw std::system_error(problem);
+    made.far = std::move(stranger);
+    co_return made;
+}
+
+ise::endpoint endpoint_of(bool tcp) {
+    static int count = 0;
+    auto name = "local://@ise-sockets-" + std::to_string(::getpid()) + "-" + std::to_string(count++);
+    return ise::endpoint::parse(tcp ? "tcp://127.0.0.1:0" : name).value();
+}
+
+task<> write_all(ise::stream& to, std::size_t left) {
+    const std::string piece(100'000, 'x');
+    while (left > 0) {
+        const asio::const_buffer rest(piece.data(), std::min(left, piece.size()));
+        const auto wrote = to.try_write({&rest, 1});
+        left -= wrote.bytes;
+        if (wrote.problem == asio::error::would_block) {
+            auto problem = co_await to.wait_writable();
+            if (problem) throw std::system_error(problem);
+        } else if (wrote.problem) {
+            throw std::system_error(wrote.problem);
+        }
+    }
+    to.shutdown_write();
+}
+
+// How much came before the end.
+task<std::size_t> read_all(ise::stream& from) {
+    std::string room(4096, ' ');
+    std::size_t come = 0;
+    for (;;) {
+        auto got = co_await from.read_some(asio::buffer(room));
+        come += got.bytes;
+        if (got.problem == asio::error::eof) co_return come;
+        if (got.problem) throw std::system_error(got.problem);
+    }
+}
+
+task<std::error_code> read_error(ise::stream& from) {
+    std::string room(16, ' ');
+    auto got = co_await from.read_some(asio::buffer(room));
+    co_return got.problem;
+}
+
+task<> close(ise::stream& what) {
+    what.close();
+    co_return;
+}
+
+task<> drop(pair& what) {
+    what = {};
+    co_return;
+}
+
+} // namespace
+
+TEST_CASE("sockets: all that is written comes, and then the end, while the other way goes on") {
+    for (bool own : {true, false})
+        for (bool tcp : {true, false}) {
+            INFO(own << tcp);
+            place at(own);
+            auto two = at.run(connected(at, endpoint_of(tcp)));
+            auto executor = at.host->loop().get_executor();
+            auto come = ise::async_run(executor, read_all(*two.far), asio::use_future);
+            auto back = ise::async_run(executor, read_all(*two.near), asio::use_future);
+            at.run(write_all(*two.near, much));
+            CHECK(come.get() == much); // near is shut for writing, and still read
+            at.run(write_all(*two.far, much));
+            CHECK(back.get() == much);
+            at.run(drop(two));
+        }
+}
+
+TEST_CASE("sockets: closing ends a read that waits, and so does the peer's end") {
+    for (bool own : {true, false}) {
+        place at(own);
+        auto two = at.run(connected(at, endpoint_of(true)));
+        auto executor = at.host->loop().get_executor();
+        auto mine = ise::async_run(executor, read_error(*two.near), asio::use_future);
+        auto yours = ise::async_run(executor, read_error(*two.far), asio::use_future);
+        at.run(close(*two.near));
+        CHECK(mine.get() == asio::error::operation_aborted);
+        CHECK(yours.get() == asio::error::eof);
+        CHECK(at.run(read_error(*two.near)) == asio::error::operation_aborted);
+        at.run(drop(two));
+    }
+}
+
+TEST_CASE("sockets: connecting where nobody listens fails") {
+    for (bool own : {true, false})
+        for (bool tcp : {true, false}) {
+            place at(own);
+            auto two = at.run(connected(at, endpoint_of(tcp)));
+            auto where = two.ear->where();
+            at.run(drop(two));
+            auto line = at.run(at.env.connect(at.host->loop(), where));
+            REQUIRE_FALSE(line);
+            CHECK(line.error().code() == ise::errc::unreachable);
+        }
+}
+
+TEST_CASE("sockets: a peer that sends without a pause does not keep others of the loop from their turn") {
+    place at(true);
+    auto two = at.run(connected(at, endpoint_of(false)));
+    auto other = at.run(connected(at, endpoint_of(false)));
+    auto executor = at.host->loop().get_executor();
+    std::atomic<bool> enough{false};
+    auto endless = [](ise::stream& from) -> task<> {
+        std::string room(64, ' ');
+        for (;;) {
+            auto got = co_await from.read_some(asio::buffer(room));
+            if (got.problem) co_return;
+        }
+    };
+    auto reads = ise::async_run(executor, endless(*two.far), asio::use_future);
+    // From a thread of its own, as signs of life are.
+    std::thread flood([&] {
+        const std::string piece(65536, 'x');
+        const asio::const_buffer all(piece.data(), piece.size());
+        while (!enough) static_cast<void>(two.near->try_write({&all, 1}));
+    });
+    auto come = ise::async_run(executor, read_all(*other.far), asio::use_future);
+    at.run(write_all(*other.near, 1'000'000));
+    CHECK(come.get() == 1'000'000);
+    enough = true;
+    flood.join();
+    at.run(drop(two));
+    reads.get();
+    at.run(drop(other));
+}
+
+TEST_CASE("sockets: signals that interrupt the loop's calls lose and repeat nothing") {
+    struct sigaction quiet {};
+    struct sigaction before {};
+    quiet.sa_handler = [](int) {}; // without SA_RESTART
+    ::sigaction(SIGUSR2, &quiet, &before);
+    for (bool own : {true, false})
+        for (bool tcp : {true, false}) {
+            INFO(own << tcp);
+            place at(own);
+            auto two = at.run(connected(at, endpoint_of(tcp)));
+            auto self = [](ise::loop&) -> task<pthread_t> { co_return ::pthread_self(); };
+            const pthread_t thread = at.run(self(at.host->loop()));
+            std::atomic<bool> enough{false};
+            std::thread storm([&] {
+                while (!enough) {
+                    ::pthread_kill(thread, SIGUSR2);
+                    std::this_thread::yield();
+                }
+            });
+            auto come = ise::async_run(at.host->loop().get_executor(), read_all(*two.far), asio::use_future);
+            at.run(write_all(*two.near, much));
+            CHECK(come.get() == much);
+            enough = true;
+            storm.join();
+            at.run(drop(two));
+        }
+    ::sigaction(SIGUSR2, &before, nullptr);
+}
+
+TEST_CASE("sockets: a peer that resets the connection after each byte ends reading and writing") {
+    for (bool own : {true, false}) {
+        place at(own);
+        auto ear = at.env.listen(at.host->loop(), ise::endpoint::parse("tcp://127.0.0.1:0").value()).value();
+        auto accept = [](ise::listener& from) -> task<std::unique_ptr<ise::stream>> {
+            auto taken = co_await from.accept();
+            co_return std::move(taken.second);
+        };
+        auto until_an_error = [](ise::stream& from) -> task<std::pair<std::size_t, std::error_code>> {
+            std::pair<std::size_t, std::error_code> out;
+            std::string room(3, ' ');
+            while (!out.second) {
+                auto got = co_await from.read_some(asio::buffer(room));
+                out.first += got.bytes;
+                out.second = got.problem;
+            }
+            co_return out;
+        };
+        auto write_until_an_error = [](ise::stream& to) -> task<std::error_code> {
+            const std::string piece(1000, 'x');
+            const asio::const_buffer all(piece.data(), piece.size());
+            for (;;) {
+                auto wrote = to.try_write({&all, 1});
+                if (wrote.problem && wrote.problem != asio::error::would_block) co_return wrote.problem;
+                auto problem = co_await to.wait_writable();
+                if (problem) co_return problem;
+            }
+        };
+        auto free = [](std::unique_ptr<ise::stream> what) -> task<> {
+            what.reset();
+            co_return;
+        };
+        for (std::size_t count = 0; count < 40; ++count) {
+            INFO(own << count);
+            asio::io_context elsewhere;
+            asio::ip::tcp::socket peer(elsewhere);
+            peer.connect({asio::ip::make_address("127.0.0.1"), static_cast<std::uint16_t>(ear->where().port)});
+            auto mine = at.run(accept(*ear));
+            // Half of them are read while it comes, half of them later.
+            std::future<std::pair<std::size_t, std::error_code>> read;
+            auto begin = [&] {
+                read = ise::async_run(at.host->loop().get_executor(), until_an_error(*mine), asio::use_future);
+            };
+            if (count % 2 == 0) begin();
+            for (std::size_t n = 0; n < count; ++n) peer.send(asio::buffer("x", 1));
+            peer.set_option(asio::socket_base::linger(true, 0));
+            peer.close();
+            if (count % 2 == 1) begin();
+            auto [bytes, problem] = read.get();
+            CHECK(bytes <= count);
+            CHECK(problem == asio::error::connection_reset);
+            const auto wrote = at.run(write_until_an_error(*mine));
+            CHECK((wrote == asio::error::broken_pipe || wrote == asio::error::connection_reset));
+            at.run(free(std::move(mine)));
+        }
+        auto no_ear = [](std::unique_ptr<ise::listener> what) -> task<> {
+            what.reset();
+            co_return;
+        };
+        at.run(no_ear(std::move(ear)));
+    }
+}
+
+TEST_CASE("sockets: whoever waits can be cancelled and go on, and closing ends every wait") {
+    for (bool own : {true, false})
+        for (bool tcp : {true, false}) {
+            INFO(own << tcp);
+            place at(own);
+            auto& loop = at.host->loop();
+            auto two = at.run(connected(at, endpoint_of(tcp)));
+            auto full = [](ise::stream& to) -> task<> { // until it would have to wait
+                const std::string piece(100'000, 'x');
+                const asio::const_buffer all(piece.data(), piece.size());
+                for (;;) {
+                    auto wrote = to.try_write({&all, 1});
+                    if (wrote.problem == asio::error::would_block) co_return;
+                    if (wrote.problem) throw std::system_error(wrote.problem);
+                }
+            };
+            at.run(full(*two.near));
+            auto reading = [](pair& of) -> task<std::error_code> { co_return co_await read_error(*of.near); };
+            auto writing = [](pair& of) -> task<std::error_code> { co_return co_await of.near->wait_writable(); };
+            auto accepting = [](pair& of) -> task<std::error_code> {
+                auto taken = co_await of.ear->accept();
+                co_return taken.first;
+            };
+            using wait = task<std::error_code> (*)(pair&);
+            for (wait begin : {wait(reading), wait(writing), wait(accepting)}) {
+                auto cancelled = [](ise::loop& on, task<std::error_code> what) -> task<std::error_code> {
+                    asio::cancellation_signal enough;
+                    std::error_code outcome;
+                    bool ended = false;
+                    auto note = [&](std::exception_ptr thrown, std::error_code problem) {
+                        outcome = thrown ? std::make_error_code(std::errc::io_error) : problem;
+                        ended = true;
+                    };
+                    ise::async_run(on.get_executor(), std::move(what),
+                                   asio::bind_cancellation_slot(enough.slot(), note));
+                    co_await ise::sleep_for(on, 1ms); // it waits by then
+                    enough.emit(asio::cancellation_type::terminal);
+                    while (!ended) co_await ise::sleep_for(on, 100us);
+                    co_return outcome;
+                };
+                CHECK(at.run(cancelled(loop, begin(two))) == asio::error::operation_aborted);
+            }
+            // Nothing is lost by it.
+            auto come = ise::async_run(loop.get_executor(), read_all(*two.near), asio::use_future);
+            at.run(write_all(*two.far, 1000));
+            CHECK(come.get() == 1000);
+            std::vector<std::future<std::error_code>> pending;
+            for (wait begin : {wait(writing), wait(accepting)})
+                pending.push_back(ise::async_run(loop.get_executor(), begin(two), asio::use_future));
+            auto shut = [](pair& of) -> task<> {
+                of.near->close();
+                of.ear->close();
+                co_return;
+            };
+            at.run(shut(two));
+            for (auto& one : pending) CHECK(one.get() == asio::error::operation_aborted);
+            at.run(drop(two));
+        }
+}
+
+TEST_CASE("sockets: datagrams are handed over in order, until the socket is closed or goes with whoever takes them") {
+    struct counter final : ise::datagram_taker {
+        explicit counter(std::unique_ptr<ise::datagram_socket> over) : socket(std::move(over)) {}
+        void take(const ise::datagram& came) override {
+            seen.append(reinterpret_cast<const char*>(came.content.data()), came.content.size());
+            if (seen.size() == until) on_last(*this); // may destroy *this
+        }
+        void on_trouble(std::error_code) override { ++troubles; }
+
+        std::unique_ptr<ise::datagram_socket> socket;
+        std::string seen;
+        std::size_t until = 0;
+        std::function<void(counter&)> on_last;
+        int troubles = 0;
+    };
+    const auto any = ise::endpoint::parse("udp://127.0.0.1:0").value();
+    enum class end { stays, closes, goes };
+    for (bool own : {true, false})
+        for (auto how : {end::stays, end::closes, end::goes}) {
+            INFO(own << static_cast<int>(how));
+            place at(own);
+            auto exchange = [](place& on, ise::endpoint where, end what) -> task<std::string> {
+                auto& loop = on.host->loop();
+                auto from = on.env.open_datagram(loop, where).value();
+                auto taker = std::make_shared<counter>(on.env.open_datagram(loop, where).value());
+                const auto to = taker->socket->where();
+                std::string seen;
+                bool last = false;
+                taker->until = what == end::stays ? 26 : 3; // of those that one read brings
+                taker->on_last = [&](counter& which) {
+                    last = true;
+                    seen = which.seen;
+                    if (what == end::closes) which.socket->close();
+                    if (what == end::goes) taker.reset();
+                };
+                auto send = [&](char letter) {
+                    const auto word = std::as_bytes(std::span(&letter, 1));
+                    auto problem = from->try_send(to, ise::bytes_view(word));
+                    if (problem) throw std::system_error(problem);
+                };
+                send('a'); // before it is used
+                dynamic_cast<ise::datagram_source&>(*taker->socket).use(taker);
+                for (char letter = 'b'; letter <= 'z'; ++letter) send(letter);
+                while (!last) co_await ise::sleep_for(loop, 100us);
+                for (int pause = 0; pause < 3; ++pause) co_await ise::sleep_for(loop, 1ms); // nothing more comes
+                if (taker) seen = taker->seen + std::string(static_cast<std::size_t>(taker->troubles), '!');
+                co_return seen;
+            };
+            CHECK(at.run(exchange(at, any, how)) == (how == end::stays ? "abcdefghijklmnopqrstuvwxyz" : "abc"));
+        }
+}
+
+TEST_CASE("loops: objects of Asio on a loop of ISE's own complete on its thread") {
+    place at(true);
+    auto& loop = at.host->loop();
+    auto waits = [](ise::loop& on) -> task<bool> {
+        asio::steady_timer first(on.get_executor(), 1ms);
+        co_await first.async_wait(ise::use_task);
+        const bool here = on.running_here();
+        co_await ise::sleep_for(on, 1ms);
+        co_return here&& on.running_here();
+    };
+    CHECK(at.run(waits(loop)));
+    // One that never ends is destroyed with the loop.
+    auto for_ever = [](ise::loop& on, std::shared_ptr<int> held) -> task<> {
+        asio::steady_timer long_one(on.get_executor(), 24h);
+        co_await long_one.async_wait(ise::use_task);
+        static_cast<void>(held);
+    };
+    auto held = std::make_shared<int>();
+    ise::async_run(loop.get_executor(), for_ever(loop, held), [](std::exception_ptr) {});
+    CHECK(at.run(waits(loop)));
+    at.host->end();
+    CHECK(held.use_count() == 1);
+}
+
+TEST_CASE("loops: what other threads post runs once, or is dropped by a loop that ends") {
+    place at(true);
+    auto gate = at.host->loop().gate();
+    std::atomic<int> ran{0}, accepted{0};
+    auto held = std::make_shared<int>();
+    std::vector<std::thread> posters;
+    for (int each = 0; each < 2; ++each)
+        posters.emplace_back([&] {
+            for (int n = 0; n < 20'000; ++n) accepted += gate->post([&ran, held] { ++ran; });
+        });
+    while (ran < 1000) std::this_thread::yield();
+    at.host->end();
+    for (auto& poster : posters) poster.join();
+    CHECK(ran <= accepted);
+    CHECK_FALSE(gate->post([] {}));
+    CHECK(held.use_count() == 1);
+}
+
+} // namespace sockets_test
