@@ -92,6 +92,13 @@ struct sealed_tcp : real_world {
 struct sealed_local : real_world {
     sealed_local();
 };
+/// Through shared memory, and over its socket where the two cannot share it.
+struct shm : real_world {
+    shm();
+};
+struct sealed_shm : real_world {
+    sealed_shm();
+};
 struct in_process : real_world {
     in_process();
 };
@@ -157,6 +164,11 @@ struct virtual_sealed_udp : virtual_world {
 };
 struct virtual_certified_udp : virtual_world {
     explicit virtual_certified_udp(const weather& now = {});
+};
+
+/// Over its socket: hosts of the virtual world share no memory.
+struct virtual_shm : virtual_world {
+    virtual_shm();
 };
 
 } // namespace conformance
