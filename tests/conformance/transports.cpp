@@ -133,8 +133,6 @@ virtual_sealed_udp::virtual_sealed_udp(const weather& now)
     credentials.key_file = "key";
 }
 
-virtual_shm::virtual_shm() : virtual_world(of_streams("shm://@boat", ""), {"clean", 11, 0, 0, 0}) {}
-
 std::vector<weather> all_weathers() {
     std::vector<weather> made;
     for (std::uint64_t seed : {1, 2, 3}) {

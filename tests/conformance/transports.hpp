@@ -166,9 +166,4 @@ struct virtual_certified_udp : virtual_world {
     explicit virtual_certified_udp(const weather& now = {});
 };
 
-/// Over its socket: hosts of the virtual world share no memory.
-struct virtual_shm : virtual_world {
-    virtual_shm();
-};
-
 } // namespace conformance

@@ -12,6 +12,7 @@
 #include <linux/magic.h>
 #include <sys/eventfd.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/statfs.h>
@@ -36,6 +37,15 @@ std::optional<bool> is_bell(const owned_fd& what) {
     if (size < 0) return std::nullopt;
     return std::string_view(name.data(), static_cast<std::size_t>(size)) == "anon_inode:[eventfd]";
 }
+
+// Numbers are given from the lowest: a quarter of what this process may open is in use. The rest is for sessions that
+// need one, as over a socket.
+bool is_late(const owned_fd& newest) {
+    rlimit now{};
+    if (::getrlimit(RLIMIT_NOFILE, &now) != 0 || now.rlim_cur == RLIM_INFINITY) return false;
+    return static_cast<rlim_t>(newest.get()) >= now.rlim_cur / 4;
+}
+failure too_late() { return {errc::io_failed, "no shared memory: too few file descriptors are left (ulimit -n)"}; }
 
 bool same_namespace(pid_t other, const char* kind) noexcept {
     struct stat here {
@@ -117,6 +127,7 @@ result<descriptors> make_descriptors(std::uint32_t ring_bytes) {
         bell->reset(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));
         if (!*bell) return system_refused("eventfd");
     }
+    if (is_late(made.accepting_bell)) return too_late();
     return made;
 }
 
@@ -129,6 +140,7 @@ result<descriptors> take_descriptors(std::span<owned_fd> passed) {
         if (!right) return system_refused("reading /proc/self/fd");
         if (!*right) return failure(errc::protocol_error, "it passed something else in place of a doorbell");
     }
+    if (is_late(passed.back())) return too_late();
     descriptors made;
     made.memory = std::move(passed[0]);
     made.connecting_bell = std::move(passed[1]);
