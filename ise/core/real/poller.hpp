@@ -48,7 +48,7 @@ private:
     poll_policy policy_;
     std::shared_ptr<poll_seats> seats_;
     std::vector<unannounced*> around_; // null: forgotten meanwhile
-    long preemptions_ = 0; // of this thread, when last counted
+    long preemptions_ = 0;             // of this thread, when last counted
     bool seated_ = false;
     bool queued_ = false;
     bool stopped_ = false;
