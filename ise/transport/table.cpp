@@ -8,8 +8,8 @@ namespace ise {
 
 std::span<const transport* const> built_in_transports() noexcept {
     static constexpr const transport* rows[] = {
-        &transports::tcp, &transports::udp,   &transports::tls,    &transports::udp_tls,
-        &transports::shm, &transports::local, &transports::inproc,
+        &transports::tcp,   &transports::udp, &transports::tls,    &transports::udp_tls,
+        &transports::local, &transports::shm, &transports::inproc,
     };
     return rows;
 }
