@@ -1,6 +1,7 @@
 // Shared memory between two loops of ISE's own: with bells, and where both look for what comes.
 #include <ise/core/real/environment.hpp>
 #include <ise/ise.hpp>
+#include <ise/service/service_host.hpp>
 
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>
