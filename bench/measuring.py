@@ -49,11 +49,11 @@ class Case:
         return self.transport in ("inproc", "oneloop")
 
     def floors(self):
-        """(program, kind), the first is 1.00. Between threads it is the local socket that two processes would have."""
+        """(program, kind), the first is 1.00. Of shared memory and between threads it is the local socket."""
         if self.transport == "oneloop":
             return [("bench_floor", "asio")]
         found = [("bench_floor", "raw")]
-        if self.work == "call" and self.outstanding == 1 and self.transport not in ("udp", "inproc"):
+        if self.work == "call" and self.outstanding == 1 and self.transport not in ("udp", "inproc", "shm"):
             found.append(("bench_floor", "asio"))
         return found
 
@@ -72,10 +72,10 @@ class Case:
 
 CASES = [
     Case("call", transport, size, outstanding)
-    for transport in ("tcp", "local", "inproc") for outstanding in (1, 64) for size in (64, 1024, 65536)
+    for transport in ("tcp", "local", "shm", "inproc") for outstanding in (1, 64) for size in (64, 1024, 65536)
 ] + [
     Case("publish", transport, size, 1, subscribers)
-    for transport in ("tcp", "local", "inproc") for size, subscribers in ((64, 1), (1024, 1), (65536, 1), (64, 8))
+    for transport in ("tcp", "local", "shm", "inproc") for size, subscribers in ((64, 1), (1024, 1), (65536, 1), (64, 8))
 ] + [Case("call", "oneloop", size) for size in (64, 1024, 65536)] + [Case("call", "udp")] + [Case("paced", transport) for transport in ("tcp", "local", "inproc")]
 
 
@@ -89,7 +89,7 @@ class NotOffered(Exception):
 
 def run_once(program, kind, case, cores, seconds, patience=30):
     """The JSON of one run. `cores`: of the serving and of the measuring process."""
-    if program == "bench_floor" and case.transport == "inproc":
+    if program == "bench_floor" and case.transport in ("inproc", "shm"):
         case = replace(case, transport="local")
     common = [case.work, "--kind", kind, *case.options()]
     measure = ["taskset", "-c", cores[1], str(BIN / program), *common, "--seconds", str(seconds), "--warmup", str(min(0.3, seconds / 3))]

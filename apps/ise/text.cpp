@@ -18,7 +18,7 @@ bool continues(char byte) { return (static_cast<unsigned char>(byte) & 0xC0) == 
 int nearness(const std::string& text) {
     auto at = endpoint::parse(text);
     if (!at || !within_host(*at)) return 0;
-    return at->kind == protocol::inproc ? 3 : at->kind == protocol::local ? 2 : 1;
+    return at->has_port() ? 1 : 256 - at->kind->rank;
 }
 
 } // namespace

@@ -11,6 +11,8 @@ using namespace bench;
 void check_offered(const options& asked) {
     if (asked.transport == "inproc")
         throw std::invalid_argument("between threads the floor is a local socket: --transport local");
+    if (asked.transport == "shm")
+        throw std::invalid_argument("the floor of shared memory is a local socket: --transport local");
     if (asked.work == "idle" || asked.work == "names") throw std::invalid_argument("there is no floor for that");
     if (asked.transport == "udp" && (asked.work != "call" || asked.outstanding != 1 || asked.kind != "raw"))
         throw std::invalid_argument("over udp there is a floor for one outstanding call, of kind raw");

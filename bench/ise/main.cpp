@@ -48,6 +48,7 @@ ise::endpoint listen_at(const std::string& transport) {
     if (transport == "tcp") return ise::endpoint::parse("tcp://127.0.0.1:0").value();
     if (transport == "udp") return ise::endpoint::parse("udp://127.0.0.1:0").value();
     if (transport == "local") return ise::endpoint::parse("local://@ise-bench-" + unique).value();
+    if (transport == "shm") return ise::endpoint::parse("shm://@ise-bench-" + unique).value();
     return ise::endpoint::parse("inproc://bench-" + unique).value();
 }
 

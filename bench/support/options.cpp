@@ -61,7 +61,7 @@ options parse_options(int argc, char** argv) {
         else if (name == "--warmup") out.warmup_seconds = to_seconds(name, value);
         else throw std::invalid_argument("unknown option: " + std::string(name));
     }
-    check_one_of("transport", out.transport, {"tcp", "local", "udp", "inproc", "oneloop"});
+    check_one_of("transport", out.transport, {"tcp", "local", "shm", "udp", "inproc", "oneloop"});
     if (out.serve && in_process(out)) throw std::invalid_argument("in process there is nothing to serve");
     const bool connects = out.work == "names" || !out.serve; // also the nodes, to the name server
     if (connects && !in_process(out) && out.connect.empty()) throw std::invalid_argument("--connect is missing");
@@ -73,7 +73,7 @@ const char* usage() noexcept {
     return "usage: PROGRAM serve WORK [options]              prints its address, ends when its standard input ends\n"
            "       PROGRAM WORK --connect ADDRESS [options]  measures, prints one line of JSON\n"
            "WORK: call, publish, paced; bench_ise: idle, names\n"
-           "  --kind raw|asio|...            --transport tcp|local|udp|inproc|oneloop\n"
+           "  --kind raw|asio|...            --transport tcp|local|shm|udp|inproc|oneloop\n"
            "  --size BYTES                   --outstanding N   --subscribers N   --services N\n"
            "  --first N (of names)           --seconds S       --warmup S\n"
            "See bench/README.md.\n";

@@ -40,12 +40,27 @@ public:
     virtual void arm(time_point at) = 0;
 };
 
+/// Where something may come of which the system tells nothing: memory that another process writes to.
+class unannounced {
+public:
+    /// On the loop, outside of turns. Hands over what has come, in a turn; true: it need not be looked at again.
+    virtual bool look() = 0;
+    /// Nobody looks any more. Runs nothing of others.
+    virtual void rest() = 0;
+
+protected:
+    ~unannounced() = default;
+};
+
 /// What wants to know that a loop has something to do: a real one may look for what follows instead of sleeping.
 class idle_watcher {
 public:
     virtual ~idle_watcher() = default;
     /// A turn begins, at `now`. On the loop.
     virtual void on_turn(time_point now) = 0;
+    /// Looks at `what`, too, until that or `forget` ends it. False: it does not look now.
+    virtual bool look_at(unannounced& what) = 0;
+    virtual void forget(unannounced& what) noexcept = 0;
 };
 
 /// Calls a function at a given time. Belongs to one loop and is used on it only; destroying it disarms it.
@@ -144,6 +159,12 @@ public:
     void on_alarm();
     /// Outlives the loop, or is taken off again by a null.
     void use_watcher(idle_watcher* watcher) noexcept { watcher_ = watcher; }
+
+    /// Looks at `what` again and again instead of sleeping. False: this loop does not do so now. On the loop only.
+    bool look_at(unannounced& what) { return watcher_ && watcher_->look_at(what); }
+    void forget(unannounced& what) noexcept {
+        if (watcher_) watcher_->forget(what);
+    }
 
     const executor_type& get_executor() const noexcept { return executor_; }
     ise::environment& env() noexcept { return environment_; }

@@ -40,15 +40,25 @@ result<std::unique_ptr<listener>> listen_by_environment(loop& on, const endpoint
 task<result<std::unique_ptr<stream>>> connect_sealed(loop& on, endpoint to, security with) {
     auto made = co_await on.env().connect(on, to);
     if (!made) co_return made.error();
-    if (!with.key || !with.key->seals()) co_return std::move(*made);
-    auto sealed = co_await tls::greet(on, std::move(*made), std::move(with.key), std::move(to));
+    auto sealed = co_await seal(on, std::move(*made), std::move(to), std::move(with));
+    co_return sealed;
+}
+
+task<result<std::unique_ptr<stream>>> seal(loop& on, std::unique_ptr<stream> made, endpoint to, security with) {
+    if (!with.key || !with.key->seals()) co_return std::move(made);
+    auto sealed = co_await tls::greet(on, std::move(made), std::move(with.key), std::move(to));
     co_return sealed;
 }
 
 result<std::unique_ptr<listener>> listen_sealed(loop& on, const endpoint& at, security with) {
     auto made = on.env().listen(on, at);
-    if (!made || !with.key || !with.key->seals()) return made;
-    return std::unique_ptr<listener>(std::make_unique<sealing_listener>(on, std::move(*made), std::move(with.key)));
+    if (!made) return made;
+    return seal(on, std::move(*made), std::move(with));
+}
+
+std::unique_ptr<listener> seal(loop& on, std::unique_ptr<listener> made, security with) {
+    if (!with.key || !with.key->seals()) return made;
+    return std::make_unique<sealing_listener>(on, std::move(made), std::move(with.key));
 }
 
 } // namespace ise::net

@@ -17,4 +17,9 @@ task<result<std::unique_ptr<stream>>> connect_sealed(loop& on, endpoint to, secu
 /// The streams accepted shake hands in their first read.
 result<std::unique_ptr<listener>> listen_sealed(loop& on, const endpoint& at, security with);
 
+/// What both do with a stream to `to`, and with a listener, that were made in another way. Errors and cancellation as
+/// above.
+task<result<std::unique_ptr<stream>>> seal(loop& on, std::unique_ptr<stream> made, endpoint to, security with);
+std::unique_ptr<listener> seal(loop& on, std::unique_ptr<listener> made, security with);
+
 } // namespace ise::net

@@ -90,7 +90,7 @@ void over(const std::function<void(pair&)>& check, const tuning& tune = {}) {
 
 } // namespace conformance
 
-#define OVER_EVERY_TRANSPORT                                                                               \
-    tcp, tcp6, tls, udp, udp6, local, sealed_tcp, sealed_local, in_process, odd, virtual_tcp, virtual_tls, \
-        virtual_udp, sealed_udp, virtual_sealed_udp, certified_udp, virtual_certified_udp, virtual_odd
+#define OVER_EVERY_TRANSPORT                                                                                   \
+    tcp, tcp6, tls, udp, udp6, local, shm, sealed_tcp, sealed_local, sealed_shm, in_process, odd, virtual_tcp, \
+        virtual_tls, virtual_udp, sealed_udp, virtual_sealed_udp, certified_udp, virtual_certified_udp, virtual_odd
 #define OVER_DATAGRAMS udp, udp6, virtual_udp, sealed_udp, virtual_sealed_udp, certified_udp, virtual_certified_udp

@@ -33,6 +33,12 @@ const std::string& key_file() {
     return file;
 }
 
+// By a file, which is that of the local socket, too: the relay passes on what goes over that.
+std::string file_name(const char* scheme, const char* who) {
+    return fmt::format("{}://{}/ise-conformance-{}-{}.sock", scheme, std::filesystem::temp_directory_path().string(),
+                       ::getpid(), who);
+}
+
 std::string local_name(const char* who) { return fmt::format("local://@ise-conformance-{}-{}", ::getpid(), who); }
 
 } // namespace
@@ -73,6 +79,10 @@ sealed_tcp::sealed_tcp() : real_world(of_streams("tcp://127.0.0.1:0", "tcp://127
     credentials.key_file = key_file();
 }
 sealed_local::sealed_local() : real_world(of_streams(local_name("sealed-boat"), local_name("sealed-relay"))) {
+    credentials.key_file = key_file();
+}
+shm::shm() : real_world(of_streams(file_name("shm", "boat"), file_name("local", "relay"))) {}
+sealed_shm::sealed_shm() : real_world(of_streams(file_name("shm", "sealed-boat"), file_name("local", "sealed-relay"))) {
     credentials.key_file = key_file();
 }
 in_process::in_process() : real_world(of_streams("inproc://conformance", "")) {

@@ -92,6 +92,13 @@ struct sealed_tcp : real_world {
 struct sealed_local : real_world {
     sealed_local();
 };
+/// Through shared memory, and over its socket where the two cannot share it.
+struct shm : real_world {
+    shm();
+};
+struct sealed_shm : real_world {
+    sealed_shm();
+};
 struct in_process : real_world {
     in_process();
 };

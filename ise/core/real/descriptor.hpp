@@ -68,6 +68,8 @@ protected:
     void close_descriptor() noexcept;
 
     loop& on() const noexcept { return on_; }
+    /// Each new event is told, also while what came before was not read.
+    bool told_each() const noexcept { return epoll_ != nullptr; }
     bool fd_open() const noexcept { return static_cast<bool>(fd_); }
 
     /// There is something to read, or the end, or an error: a reader need not wait. False once reading has found

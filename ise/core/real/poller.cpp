@@ -7,6 +7,7 @@
 #include <sched.h>
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <utility>
 
 namespace ise::real {
@@ -58,6 +59,7 @@ void poller::post_look() {
 void poller::look() {
     queued_ = false;
     if (stopped_ || !policy_.looking()) return;
+    if (look_around()) return;
     auto now = world_.now();
     if (policy_.suspicious(now) && preempted()) policy_.on_preempted();
     if (policy_.on_nothing(now)) {
@@ -69,6 +71,32 @@ void poller::look() {
 
 void poller::leave() noexcept {
     if (std::exchange(seated_, false)) seats_->give_back();
+    for (auto* one : std::exchange(around_, {}))
+        if (one) one->rest();
+}
+
+bool poller::look_at(unannounced& what) {
+    if (stopped_ || !seated_ || !policy_.looking()) return false;
+    if (std::ranges::find(around_, &what) == around_.end()) around_.push_back(&what);
+    return true;
+}
+
+void poller::forget(unannounced& what) noexcept {
+    std::ranges::replace(around_, &what, static_cast<unannounced*>(nullptr));
+}
+
+// Whether something came; its turn has told the policy so.
+bool poller::look_around() {
+    bool came = false;
+    for (std::size_t at = 0; at < around_.size(); ++at) {
+        auto* one = around_[at];
+        if (!one) continue;
+        around_[at] = nullptr; // it may ask anew, or be gone
+        if (one->look()) came = true;
+        else if (at < around_.size()) around_[at] = one;
+    }
+    std::erase(around_, nullptr);
+    return came;
 }
 
 bool poller::preempted() noexcept {

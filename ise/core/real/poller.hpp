@@ -6,6 +6,7 @@
 
 #include <atomic>
 #include <memory>
+#include <vector>
 
 namespace ise::real {
 
@@ -30,12 +31,15 @@ public:
     ~poller() override;
 
     void on_turn(time_point now) override;
+    bool look_at(unannounced& what) override;
+    void forget(unannounced& what) noexcept override;
     /// For good.
     void stop() noexcept;
 
 private:
     void post_look();
     void look();
+    bool look_around();
     void leave() noexcept;
     bool preempted() noexcept;
 
@@ -43,7 +47,8 @@ private:
     asio::any_io_executor on_;
     poll_policy policy_;
     std::shared_ptr<poll_seats> seats_;
-    long preemptions_ = 0; // of this thread, when last counted
+    std::vector<unannounced*> around_; // null: forgotten meanwhile
+    long preemptions_ = 0;             // of this thread, when last counted
     bool seated_ = false;
     bool queued_ = false;
     bool stopped_ = false;

@@ -4,7 +4,9 @@
 #include <asio/ip/tcp.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
+#include <cstring>
 
 #include <netinet/in.h>
 #include <netinet/tcp.h>
@@ -91,7 +93,7 @@ void socket_stream::on_readable() {
 
 transfer socket_stream::read(asio::mutable_buffer into) {
     for (;;) {
-        const auto count = ::recv(fd(), into.data(), into.size(), 0);
+        const auto count = passed_ ? receive(into) : ::recv(fd(), into.data(), into.size(), 0);
         if (count > 0) {
             if (static_cast<std::size_t>(count) < into.size()) found_less();
             return {{}, static_cast<std::size_t>(count)};
@@ -102,6 +104,29 @@ transfer socket_stream::read(asio::mutable_buffer into) {
         found_nothing();
         return {asio::error::would_block, 0};
     }
+}
+
+// With descriptors: those beyond the room for them are closed by the system.
+std::ptrdiff_t socket_stream::receive(asio::mutable_buffer into) {
+    constexpr std::size_t most = 8;
+    alignas(cmsghdr) std::array<char, CMSG_SPACE(most * sizeof(int))> room{};
+    iovec content{into.data(), into.size()};
+    msghdr message{};
+    message.msg_iov = &content;
+    message.msg_iovlen = 1;
+    message.msg_control = room.data();
+    message.msg_controllen = room.size();
+    const auto count = ::recvmsg(fd(), &message, MSG_CMSG_CLOEXEC);
+    if (count < 0) return count;
+    for (auto* head = CMSG_FIRSTHDR(&message); head; head = CMSG_NXTHDR(&message, head)) {
+        if (head->cmsg_level != SOL_SOCKET || head->cmsg_type != SCM_RIGHTS) continue;
+        for (std::size_t at = CMSG_LEN(0); at + sizeof(int) <= head->cmsg_len; at += sizeof(int)) {
+            int made = -1;
+            std::memcpy(&made, reinterpret_cast<const char*>(head) + at, sizeof made);
+            passed_->emplace_back(made);
+        }
+    }
+    return count;
 }
 
 // Also from another thread: signs of life.

@@ -6,7 +6,9 @@
 
 #include <sys/socket.h>
 
+#include <cstddef>
 #include <string>
+#include <vector>
 
 namespace ise::real {
 
@@ -15,6 +17,11 @@ class socket_stream final : public stream, public verified_stream, private descr
 public:
     socket_stream(loop& on, owned_fd fd, std::string peer);
     ~socket_stream() override { close(); }
+
+    using descriptor::fd;
+    /// Descriptors that the peer passes over a local socket are added to `into` by the reads that follow; null: they
+    /// are dropped again. Lifetime: `into` until the next call.
+    void keep_passed(std::vector<owned_fd>* into) noexcept { passed_ = into; }
 
     /// A stream over a socket that is connected.
     static std::pair<std::error_code, std::unique_ptr<stream>> of(loop& on, owned_fd connected, std::string peer);
@@ -39,10 +46,12 @@ private:
     };
 
     transfer read(asio::mutable_buffer into);
+    std::ptrdiff_t receive(asio::mutable_buffer into);
     void on_readable() override;
     void on_writable() override { writable_.resume({}); }
 
     std::string peer_;
+    std::vector<owned_fd>* passed_ = nullptr;
     asio::mutable_buffer into_; // of the read that waits
     waiter<transfer> reader_;
     waiter<outcome> writable_;

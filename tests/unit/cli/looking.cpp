@@ -401,8 +401,9 @@ TEST_CASE("a length of time has three digits, and its unit is the next one from 
 }
 
 TEST_CASE("of the endpoints of a component those come first that most can reach") {
-    CHECK(reachable_first({"inproc://a", "local://@b", "tcp://127.0.0.1:1", "tcp://192.168.1.7:2", "tls://[::1]:3"}) ==
-          list{"tcp://192.168.1.7:2", "tcp://127.0.0.1:1", "tls://[::1]:3", "local://@b", "inproc://a"});
+    CHECK(reachable_first(
+              {"inproc://a", "shm://@b", "local://@b", "tcp://127.0.0.1:1", "tcp://192.168.1.7:2", "tls://[::1]:3"}) ==
+          list{"tcp://192.168.1.7:2", "tcp://127.0.0.1:1", "tls://[::1]:3", "local://@b", "shm://@b", "inproc://a"});
     CHECK(reachable_first({"local://@b", "what a newer component says"}) ==
           list{"what a newer component says", "local://@b"});
 }

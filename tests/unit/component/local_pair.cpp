@@ -54,7 +54,7 @@ TEST_CASE("a component calls and subscribes to another over each transport") {
     auto where =
         GENERATE(std::string("tcp://127.0.0.1:0"), std::string("tcp://[::1]:0"), std::string("udp://127.0.0.1:0"),
                  std::string("udp://[::1]:0"), std::string("udp://localhost:0"), std::string("local://@ise-test-pair"),
-                 std::string("inproc://pair"));
+                 std::string("shm://@ise-test-pair"), std::string("inproc://pair"));
     CAPTURE(where);
     ise::real_environment env;
     ise::node node(env, quiet());

@@ -77,7 +77,8 @@ TEST_CASE("transports: an added one is a row like the others") {
     CHECK(transport_of("pigeon://loft") == &row);
     CHECK(transport_of("pigeon") == nullptr);
     CHECK(std::ranges::count(all_transports(), protocol(row)) == 1);
-    CHECK(schemes_between_processes() == std::vector<std::string>{"tcp", "udp", "tls", "udp+tls", "local", "pigeon"});
+    CHECK(schemes_between_processes() ==
+          std::vector<std::string>{"tcp", "udp", "tls", "udp+tls", "local", "shm", "pigeon"});
     CHECK(within_host(endpoint::parse("pigeon://anywhere").value()));
     CHECK_THROWS_AS(add_transport(row), std::logic_error);
     CHECK_THROWS_AS(add_transport(transports::tcp), std::logic_error);

@@ -1,0 +1,6 @@
+#pragma once
+#include <ise/core/transport.hpp>
+
+namespace ise::transports {
+extern const transport shm;
+}

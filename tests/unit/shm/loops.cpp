@@ -1,0 +1,66 @@
+// Shared memory between two loops of ISE's own: with bells, and where both look for what comes.
+#include <ise/core/real/environment.hpp>
+#include <ise/ise.hpp>
+#include <ise/service/service_host.hpp>
+
+#include <support/boat_services.hpp>
+#include <support/catch.hpp>
+
+#include <fmt/format.h>
+
+#include <future>
+
+#include <unistd.h>
+
+namespace shm_loops_test {
+
+namespace {
+
+using namespace boat_services;
+using namespace std::chrono_literals;
+
+class mirror final : public ise::component {
+    ise::task<> run() override {
+        provide(echo, [](blob given) -> blob { return given; });
+        co_return;
+    }
+};
+
+} // namespace
+
+TEST_CASE("many calls, small and big, pass between two loops of ISE's own", "[shm]") {
+    const bool polls = GENERATE(false, true);
+    CAPTURE(polls);
+    ise::real_environment env;
+    ise::node_options how;
+    how.use_names = false;
+    how.log = {};
+    if (polls) how.poll = 200us;
+    ise::node node(env, how);
+    ise::component_options options;
+    options.listen = {ise::endpoint::parse(fmt::format("shm://@ise-unit-shm-loops-{}", ::getpid())).value()};
+    const auto at = node.start<mirror>("boat", options).services().listening().front();
+    std::promise<std::string> told;
+    node.start("shore", [&](ise::component& self) -> ise::task<> {
+        try {
+            auto boat = self.at(at);
+            for (std::size_t round = 0; round < 3000; ++round) {
+                blob sent;
+                sent.content.assign(round % 500 == 499 ? 3'000'000 : round, static_cast<std::uint8_t>(round));
+                auto size = sent.content.size();
+                auto got = co_await boat.call(echo, std::move(sent), 30s);
+                if (got.content.size() != size) throw std::runtime_error("another size");
+                // Both sleep in between, and wake each other.
+                if (round % 300 == 0) co_await self.sleep(2ms);
+            }
+            told.set_value("all");
+        } catch (const std::exception& wrong) {
+            told.set_value(wrong.what());
+        }
+    });
+    REQUIRE(told.get_future().get() == "all");
+    node.stop();
+    node.wait();
+}
+
+} // namespace shm_loops_test
