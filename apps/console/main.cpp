@@ -9,6 +9,7 @@
 #include <ise/component/node.hpp>
 #include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
+#include <ise/naming/name_server_choice.hpp>
 #include <ise/naming/services.hpp>
 
 #include <CLI/CLI.hpp>
@@ -125,10 +126,9 @@ int run(const arguments& given, int count, char** words) {
     options.space = given.space;
     options.proxies = given.proxies;
     if (terms.use_names) {
-        auto at = ise::default_name_server();
-        auto said = given.name_server.empty() ? variable("ISE_NAME_SERVER") : given.name_server;
-        if (!said.empty()) at = ise::endpoint::parse(said).value();
-        terms.name_server = options.name_server = at;
+        std::optional<ise::endpoint> said;
+        if (!given.name_server.empty()) said = ise::endpoint::parse(given.name_server).value();
+        terms.name_server = options.name_server = ise::name_server_for(world, said).value();
     }
     if (!given.fence.empty()) {
         auto text = world.read_file(given.fence, atirma::geofence::max_bytes + 1).value();

@@ -7,6 +7,7 @@
 #include <ise/instantiation/instantiation_server.hpp>
 #include <ise/instantiation/keeper.hpp>
 #include <ise/instantiation/real_machine.hpp>
+#include <ise/naming/name_server_choice.hpp>
 
 #include <CLI/CLI.hpp>
 
@@ -94,9 +95,8 @@ int run(const settings& wanted) {
     options.programs_folder = absolute(wanted.programs);
     auto leaf = path.substr(path.rfind('/') + 1);
     options.state_folder = absolute(wanted.state.empty() ? default_state_folder(leaf) : wanted.state);
-    options.name_server = ise::default_name_server();
     if (!wanted.name_server.empty()) options.name_server = endpoint_of("--name-server", wanted.name_server);
-    else if (auto told = env.variable("ISE_NAME_SERVER")) options.name_server = endpoint_of("ISE_NAME_SERVER", *told);
+    else options.name_server = ise::name_server_for(env).value();
     options.variables = variables_for_components();
     auto security = security_of(wanted.security, env);
     for (const auto& at : where.listen)

@@ -6,6 +6,7 @@
 #include <ise/component/node.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/core/task_scope.hpp>
+#include <ise/naming/name_server_choice.hpp>
 #include <ise/naming/services.hpp>
 
 #include <asio/io_context.hpp>
@@ -118,17 +119,16 @@ bool interrupt::raise() {
 }
 
 endpoint name_server_of(const settings& set, const environment& env) {
-    auto text = set.name_server;
-    std::string from = "--name-server";
-    if (text.empty()) {
-        auto told = env.variable("ISE_NAME_SERVER");
-        if (!told || told->empty()) return default_name_server();
-        text = *told;
-        from = "the environment variable ISE_NAME_SERVER";
+    std::optional<endpoint> given;
+    if (!set.name_server.empty()) {
+        auto parsed = endpoint::parse(set.name_server);
+        if (!parsed)
+            throw problem(exit_code::usage, "usage", fmt::format("--name-server: {}", parsed.error().message()));
+        given = std::move(*parsed);
     }
-    auto parsed = endpoint::parse(text);
-    if (!parsed) throw problem(exit_code::usage, "usage", fmt::format("{}: {}", from, parsed.error().message()));
-    return *parsed;
+    auto at = name_server_for(env, given);
+    if (!at) throw problem(exit_code::usage, "usage", at.error().message());
+    return *at;
 }
 
 exit_code run(const parsed_command& what) {

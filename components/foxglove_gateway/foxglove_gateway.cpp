@@ -5,6 +5,7 @@
 #include <ise/bag/protobuf.hpp>
 #include <ise/component/discover.hpp>
 #include <ise/component/introspection.hpp>
+#include <ise/component/names_watch.hpp>
 #include <ise/component/parameter_services.hpp>
 #include <ise/core/buffer.hpp>
 #include <ise/core/environment.hpp>
@@ -359,31 +360,6 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
                 co_await me->self.sleep(question_limit);
                 if (!me->components.contains(path)) co_return;
             }
-        }
-    }
-
-    static task<> watch_names(std::shared_ptr<state> me) {
-        auto& self = me->self;
-        auto where = me->options.name_server.value_or(default_name_server());
-        auto told = self.env().variable("ISE_NAME_SERVER");
-        if (!me->options.name_server && told && !told->empty()) where = endpoint::parse(*told).value();
-        auto server = self.at(where, std::string(naming::server_path));
-        for (;;) {
-            subscriber<subscription<naming::name_events, naming::watch_request>> names;
-            bool subscribed = false;
-            try {
-                names = co_await server.subscribe(naming::watch, subscribe_options::lossless(1024));
-                subscribed = true;
-            } catch (const error& refused) {
-                if (refused.code() == errc::cancelled) throw;
-                me->note(fmt::format("names are not known: {}", refused.what()));
-            }
-            while (subscribed) {
-                auto packet = co_await names.next();
-                if (!packet) break;
-                me->on_names(*packet);
-            }
-            co_await self.sleep(tick_period);
         }
     }
 
@@ -1099,7 +1075,9 @@ task<> foxglove_gateway::run() {
     provide(status_service, [raw = held.get()](const status_request&) { return raw->status(); });
     if (options_.allow_publish) held->published = publish(published_service);
     held->listen();
-    spawn("names", state::watch_names(held));
+    auto on_names = [held](const naming::name_events& told) { held->on_names(told); };
+    auto on_trouble = [held](const failure& why) { held->note(fmt::format("names are not known: {}", why.message())); };
+    spawn("names", watch_names(*this, held->options.name_server, on_names, on_trouble));
     if (env().is_virtual()) spawn("time", state::tell_time(held));
     for (;;) {
         co_await sleep(tick_period);

@@ -7,7 +7,7 @@
 #include <ise/core/async_run.hpp>
 #include <ise/core/use_task.hpp>
 #include <ise/naming/lease_registrar.hpp>
-#include <ise/naming/services.hpp>
+#include <ise/naming/name_server_choice.hpp>
 
 #include <asio/use_future.hpp>
 
@@ -44,12 +44,7 @@ private:
 } // namespace
 
 node::node(environment& env, node_options options) {
-    if (options.use_names && !options.name_server) {
-        auto told = env.variable("ISE_NAME_SERVER");
-        auto at = told ? endpoint::parse(*told) : default_name_server();
-        if (!at) throw error(at.error().code(), "ISE_NAME_SERVER: " + at.error().message());
-        options.name_server = std::move(*at);
-    }
+    if (options.use_names) options.name_server = name_server_for(env, options.name_server).value();
     options.poll = detail::poll_window_of(options.poll, env);
     auto credentials = security::load(env, options.security).value();
     state_ = std::make_shared<node_state>(env, std::move(options), std::move(credentials));
