@@ -267,7 +267,9 @@ task<> ask_policy(context in, std::string path, std::shared_ptr<std::vector<poli
     policy_line made;
     made.component = path;
     try {
-        auto who = co_await reach(in, path);
+        remote who; // the name server has no name in itself
+        if (path == naming::server_path) who = co_await reach_name_server(in);
+        else who = co_await reach(in, path);
         access_request question;
         auto told = co_await who.try_call(access_service, question, in.left());
         if (told) {

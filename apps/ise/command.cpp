@@ -119,17 +119,12 @@ bool interrupt::raise() {
 }
 
 std::vector<endpoint> name_servers_of(const settings& set, const environment& env) {
-    auto text = set.name_server;
-    std::string from = "--name-server";
-    if (text.empty()) {
-        auto told = env.variable("ISE_NAME_SERVER");
-        if (!told || told->empty()) return {default_name_server()};
-        text = *told;
-        from = "the environment variable ISE_NAME_SERVER";
-    }
-    auto parsed = parse_name_servers(text);
-    if (!parsed) throw problem(exit_code::usage, "usage", fmt::format("{}: {}", from, parsed.error().message()));
-    return *parsed;
+    const bool given = !set.name_server.empty();
+    auto all = given ? parse_name_servers(set.name_server) : usual_name_servers(env);
+    if (!all)
+        throw problem(exit_code::usage, "usage",
+                      fmt::format("{}{}", given ? "--name-server: " : "", all.error().message()));
+    return *all;
 }
 
 exit_code run(const parsed_command& what) {

@@ -53,9 +53,13 @@ task<result<deployment::host_state>> ask_host(context& in, host_server host) {
 } // namespace
 
 deployment::reading read_what_there_is(context& in, const deployment_options& options) {
+    return read_what_there_is(in.self.env(), options);
+}
+
+deployment::reading read_what_there_is(environment& env, const deployment_options& options) {
     deployment::settings given;
     for (const auto& text : options.set) given.push_back(name_and_value(text, "--set"));
-    auto read = [&](const std::string& path) { return in.self.env().read_file(path, max_file_bytes); };
+    auto read = [&](const std::string& path) { return env.read_file(path, max_file_bytes); };
     return deployment::read_deployment(options.file, read, given);
 }
 

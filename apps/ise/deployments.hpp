@@ -30,6 +30,7 @@ struct fleet {
 /// The file, and all that is wrong with it as far as it tells by itself; problem(usage) only where the command line is
 /// wrong.
 deployment::reading read_what_there_is(context& in, const deployment_options& options);
+deployment::reading read_what_there_is(environment& env, const deployment_options& options);
 
 /// The file; problem(usage) with all that is wrong with it, each on a line with its place.
 deployment::deployment read_file(context& in, const deployment_options& options);

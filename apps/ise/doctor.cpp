@@ -146,7 +146,9 @@ task<> doctor(context& in, doctor_options options) {
         std::ranges::stable_sort(found, {}, [](const finding& one) { return std::tie(one.severity, one.component); });
     } catch (const problem& why) {
         if (why.code() != exit_code::not_reached) throw;
-        finding lost{severity_level::error, "no_name_server", {}, why.what(), why.advice()};
+        bool answers = has_unusable_policy(why.what());
+        finding lost{severity_level::error, answers ? "policy_unusable" : "no_name_server",
+                     answers ? std::string(naming::server_path) : std::string(), why.what(), why.advice()};
         found.push_back(std::move(lost));
     }
     co_await conclude(in, std::move(found), std::move(now));

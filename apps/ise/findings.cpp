@@ -107,9 +107,13 @@ private:
                             holder_of(one.name)));
             return;
         }
+        if (has_unusable_policy(one.trouble)) {
+            add(severity_level::error, "policy_unusable", one.trouble, policy_advice);
+            return;
+        }
         if (one.why == errc::access_denied) {
             add(severity_level::error, "access_denied", one.trouble,
-                "ise access list shows the policy of every component; ise access check FILE, what is wrong with one");
+                "the message has the command that names the rule; ise access list shows the policy of every component");
             return;
         }
         bool away = one.name.host_name != here_ && std::ranges::all_of(one.name.endpoints, is_near);

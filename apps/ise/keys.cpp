@@ -1,9 +1,12 @@
 // ise keys: certificates of a system, without openssl's own command. Talks to no component.
+#include "deployments.hpp"
 #include "json.hpp"
 #include "keys_files.hpp"
 #include "options.hpp"
 #include "pki.hpp"
 #include "text.hpp"
+
+#include <ise/core/real/environment.hpp>
 
 #include <fmt/format.h>
 
@@ -11,6 +14,7 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -35,7 +39,8 @@ moment now() { return std::chrono::floor<std::chrono::seconds>(std::chrono::syst
 
 struct keys_options {
     std::string system, identity, folder, authority = "authority";
-    std::vector<std::string> hosts, what, into;
+    std::vector<std::string> hosts, what, into, operators, boats;
+    std::string file; ///< of a deployment
     std::optional<std::uint64_t> days;
     std::optional<duration> every;
     bool boat = false, at_once = false;
@@ -159,6 +164,70 @@ std::string issue(const settings& set, const keys_options& given) {
         done_line line{"issue", target, known.identity, show_wall(*known.until)};
         text += told(set, line, fmt::format("{} is for {} until {}", target, known.identity, *line.until));
     }
+    return text;
+}
+
+// One folder of `deployment`: what is there already stays.
+std::string equip(const settings& set, keys_options given) {
+    std::string text;
+    if (!is_there(in(given.folder, "key.pem"))) text += request(set, given);
+    if (is_there(in(given.folder, "certificate.pem"))) return text;
+    given.what = {given.folder};
+    return text + issue(set, given);
+}
+
+// All that the hosts of a deployment file and their operators need, in one folder.
+std::string equip_deployment(const settings& set, const keys_options& asked) {
+    auto given = asked;
+    if (given.folder.empty()) given.folder = "keys";
+    real_environment env;
+    deployment_options which;
+    which.file = given.file;
+    auto told = read_what_there_is(env, which);
+    refuse(given.file, told.problems);
+    const auto& wanted = told.made;
+    auto known = [&](const std::string& host) {
+        if (std::ranges::find(wanted.hosts, host, &deployment::wanted_host::server) != wanted.hosts.end()) return;
+        std::vector<std::string> servers;
+        for (const auto& one : wanted.hosts) servers.push_back(one.server);
+        throw problem(exit_code::usage, "usage",
+                      fmt::format("{} has no host '{}'; it has {}", given.file, host, enumerate(servers)));
+    };
+    std::map<std::string, std::vector<std::string>> addresses;
+    for (const auto& one : given.hosts) {
+        auto [host, address] = name_and_value(one, "--host");
+        known(host);
+        addresses[host].push_back(address);
+    }
+    for (const auto& one : given.boats) known(one);
+    auto every = given;
+    every.system = wanted.name.text;
+    pki::system_of(fmt::format("ise://{}/authority", every.system)); // a name of a system, before anything is made
+    every.authority = in(given.folder, "authority");
+    make_folder(given.folder);
+    std::string text;
+    if (!is_there(in(every.authority, "ca-key.pem"))) text += make_authority(set, every);
+    auto equip_one = [&](const std::string& name, const std::string& identity, std::vector<std::string> hosts,
+                         bool boat) {
+        auto one = every;
+        one.identity = fmt::format("ise://{}/{}", every.system, identity);
+        one.folder = in(given.folder, name.c_str());
+        one.hosts = std::move(hosts);
+        one.boat = boat;
+        text += equip(set, std::move(one));
+    };
+    for (const auto& host : wanted.hosts) {
+        std::vector<std::string> reached{"localhost", "127.0.0.1", "::1"};
+        reached.insert(reached.end(), addresses[host.server].begin(), addresses[host.server].end());
+        equip_one(host.server, host.server, std::move(reached),
+                  std::ranges::find(given.boats, host.server) != given.boats.end());
+    }
+    for (const auto& one : given.operators) {
+        if (std::ranges::find(wanted.hosts, one, &deployment::wanted_host::server) != wanted.hosts.end())
+            throw problem(exit_code::usage, "usage", fmt::format("'{}' is a host and cannot be an operator, too", one));
+        equip_one(one, "operator/" + one, {}, false);
+    }
+    if (text.empty() && !set.json) text = fmt::format("{} has all of it already\n", given.folder);
     return text;
 }
 
@@ -377,6 +446,20 @@ void declare_keys(CLI::App& app, parsed_command& made) {
     again->add_flag("--now", given->at_once, "also if less has passed");
     add_time(*again, "--every", given->every, "goes on, and looks again after this time (12h)");
 
+    auto* all = add_action(app, made, given, "deployment",
+                           "makes an authority, and key and certificate of each host of a deployment file and of "
+                           "operators; what is there already stays",
+                           equip_deployment);
+    all->add_option("FILE", given->file, "the deployment file; its name is the system's")->required();
+    add_each(*all, "--operator", given->operators, "a person; may be repeated", "NAME");
+    add_each(*all, "--host", given->hosts,
+             "a name or address by which peers reach a host of the file, beside loopback; may be repeated",
+             "HOST=ADDRESS");
+    add_each(*all, "--boat", given->boats, "a host that cannot be reached, valid for 400 days; may be repeated",
+             "HOST");
+    all->add_option("--folder", given->folder, "a folder below which each has one (default: keys)")
+        ->type_name("FOLDER");
+
     auto* no = add_action(app, made, given, "revoke", "adds certificates to the list of revoked ones", revoke);
     no->add_option("WHAT", given->what, "an identity or its name, a certificate, or a folder with one")->required();
     add_authority(*no, *given);
@@ -394,7 +477,8 @@ extern const command keys_command{"keys", deploy_group, "makes, renews and revok
                                   "  ise keys ca robots\n"
                                   "  ise keys request ise://robots/shore --host shore.local --host 192.168.1.5\n"
                                   "  ise keys issue shore\n"
-                                  "  ise keys revoke laptop --into shore --into boat\n",
+                                  "  ise keys revoke laptop --into shore --into boat\n"
+                                  "  ise keys deployment atirma.toml --operator ana\n",
                                   declare_keys};
 
 } // namespace ise::cli

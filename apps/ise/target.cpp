@@ -2,6 +2,7 @@
 
 #include "text.hpp"
 
+#include <ise/access/guard.hpp>
 #include <ise/naming/name_servers.hpp>
 #include <ise/service/action.hpp>
 #include <ise/service/service_host.hpp>
@@ -76,6 +77,8 @@ std::string services_there(const component_info& about) {
 
 } // namespace
 
+bool has_unusable_policy(const std::string& why) { return why.find(access::unusable_policy) != why.npos; }
+
 void check_name(const std::string& name) {
     if (name.size() <= naming::max_path && naming::is_path(name)) return;
     std::string advice = "a path has letters, digits, '_', '-' and '.', with a '/' between its parts: atirma/boat";
@@ -113,6 +116,9 @@ task<remote> reach_name_server(context& in) {
     auto at = name_servers_of(in.set, in.self.env());
     auto server = in.self.at(at, std::string(naming::server_path));
     auto got = co_await connect(in, server);
+    if (!got && has_unusable_policy(got.error().message()))
+        throw problem(exit_code::not_reached, "policy_unusable",
+                      fmt::format("the name server makes no session: {}", got.error().message()), policy_advice);
     if (!got)
         throw problem(exit_code::not_reached, "name_server_lost",
                       fmt::format("there is no name server at {}: {}", text_of(at), got.error().message()),
@@ -148,7 +154,7 @@ task<remote> reach(context& in, std::string name) {
         if (!got)
             throw problem(
                 failure(got.error().code(), fmt::format("{} is not reached: {}", name, got.error().message())),
-                advice_for_endpoint(got.error().code()));
+                has_unusable_policy(got.error().message()) ? policy_advice : advice_for_endpoint(got.error().code()));
         co_return who;
     }
     check_name(name);
@@ -179,7 +185,9 @@ task<remote> reach(context& in, std::string name) {
     if (!got)
         throw problem(failure(got.error().code(),
                               fmt::format("'{}' is registered, but not reached: {}", name, got.error().message())),
-                      "it may just have ended: its name goes when its lease ends, a few seconds later");
+                      has_unusable_policy(got.error().message())
+                          ? policy_advice
+                          : "it may just have ended: its name goes when its lease ends, a few seconds later");
     co_return who;
 }
 

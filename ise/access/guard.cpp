@@ -99,10 +99,13 @@ void guard::refresh() {
         if (std::exchange(broken_, std::nullopt)) version_.fetch_add(1, std::memory_order_acq_rel);
         return;
     }
-    bool news = !broken_ || broken_->message() != done.error().message();
-    broken_ = failure(errc::access_denied, fmt::format("the access policy cannot be used, so that no new session is "
-                                                       "made: {}",
-                                                       done.error().message()));
+    failure told(
+        errc::access_denied,
+        fmt::format("{}, so that no new session is made, and for existing ones the policy with hash {} counts: "
+                    "{}",
+                    unusable_policy, now_->hash(), done.error().message()));
+    bool news = !broken_ || broken_->message() != told.message();
+    broken_ = std::move(told);
     if (news) version_.fetch_add(1, std::memory_order_acq_rel);
 }
 

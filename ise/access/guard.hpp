@@ -15,6 +15,9 @@
 
 namespace ise::access {
 
+/// In the message of each session that is not made because of an unusable policy, also where it comes from a peer.
+inline constexpr std::string_view unusable_policy = "the access policy cannot be used";
+
 /// The access policy of a node while it runs: reads its file again when that has changed, and keeps the audit log.
 /// Thread-safe.
 class guard {

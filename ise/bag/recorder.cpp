@@ -2,13 +2,13 @@
 
 #include <ise/component/discover.hpp>
 #include <ise/component/introspection.hpp>
+#include <ise/component/names_watch.hpp>
 #include <ise/component/parameter_services.hpp>
 #include <ise/component/served_calls.hpp>
 #include <ise/core/endpoint.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/core/task_scope.hpp>
-#include <ise/naming/name_servers.hpp>
 #include <ise/naming/services.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/packet/dynamic.hpp>
@@ -30,7 +30,6 @@ namespace ise::bag {
 namespace {
 
 constexpr duration write_period = std::chrono::milliseconds(50);
-constexpr duration pause_after_failure = std::chrono::seconds(1);
 constexpr duration question_limit = std::chrono::seconds(5);
 constexpr std::size_t message_overhead = 160; // of one in the queue, beside its bytes
 
@@ -278,28 +277,6 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
         first_names = false;
     }
 
-    static task<> watch_names(std::shared_ptr<state> me) {
-        auto& self = me->self;
-        auto where = me->options.name_servers;
-        if (where.empty()) where = usual_name_servers(self.env()).value();
-        auto server = self.at(where, std::string(naming::server_path));
-        while (!me->finishing) {
-            std::optional<failure> why;
-            subscriber<subscription<naming::name_events, naming::watch_request>> packets;
-            try {
-                packets = co_await server.subscribe(naming::watch, subscribe_options::lossless(1024));
-            } catch (const error& refused) {
-                why = refused.why();
-            }
-            while (!why) {
-                auto packet = co_await packets.next();
-                if (!packet) break;
-                me->on_names(*packet);
-            }
-            co_await self.sleep(pause_after_failure);
-        }
-    }
-
     // Asks a component for its services, and records each that is not recorded yet.
     static task<> follow(std::shared_ptr<state> me, std::string path) {
         auto& self = me->self;
@@ -444,7 +421,10 @@ recorder_core::~recorder_core() { state_->finishing = true; }
 
 task<> recorder_core::run() {
     auto held = state_;
-    held->self.spawn("names", state::watch_names(held));
+    auto on_names = [held](const naming::name_events& told) {
+        if (!held->finishing) held->on_names(told);
+    };
+    held->self.spawn("names", watch_names(held->self, held->options.name_servers, on_names, {}));
     std::exception_ptr thrown;
     try {
         co_await held->write_all();

@@ -1,7 +1,6 @@
 #include <ise/component/system_watch.hpp>
 
-#include <ise/core/environment.hpp>
-#include <ise/naming/name_servers.hpp>
+#include <ise/component/names_watch.hpp>
 #include <ise/naming/services.hpp>
 
 #include <fmt/format.h>
@@ -15,7 +14,6 @@ namespace ise {
 namespace {
 
 constexpr duration question_deadline = std::chrono::seconds(5);
-constexpr duration pause_between_tries = std::chrono::seconds(1);
 
 bool is_among(const std::vector<std::string>& all, const std::string& one) {
     return std::ranges::find(all, one) != all.end();
@@ -40,8 +38,8 @@ void service_selection::add_to(parameter_set& set) {
 }
 
 struct system_watch::state : std::enable_shared_from_this<state> {
-    state(component& of, service_selection what, std::vector<endpoint> servers, system_news to)
-        : self(of), wanted(std::move(what)), name_servers(std::move(servers)), news(std::move(to)) {}
+    state(component& of, service_selection what, system_news to)
+        : self(of), wanted(std::move(what)), news(std::move(to)) {}
 
     struct followed {
         bool asking = false, again = false;
@@ -50,7 +48,6 @@ struct system_watch::state : std::enable_shared_from_this<state> {
 
     component& self;
     service_selection wanted;
-    std::vector<endpoint> name_servers;
     system_news news;
     std::map<std::string, followed> components; // by path
     bool over = false;
@@ -111,36 +108,18 @@ struct system_watch::state : std::enable_shared_from_this<state> {
             }
         }
     }
-
-    static task<> watch_names(std::shared_ptr<state> me) {
-        auto& self = me->self;
-        auto where = me->name_servers;
-        if (where.empty()) where = usual_name_servers(self.env()).value();
-        auto server = self.at(where, std::string(naming::server_path));
-        while (!me->over) {
-            subscriber<subscription<naming::name_events, naming::watch_request>> names;
-            bool subscribed = false;
-            try {
-                names = co_await server.subscribe(naming::watch, subscribe_options::lossless(1024));
-                subscribed = true;
-            } catch (const error& refused) {
-                if (refused.code() == errc::cancelled) throw;
-                if (!me->over) me->news.trouble(fmt::format("names are not known: {}", refused.what()));
-            }
-            while (subscribed) {
-                auto packet = co_await names.next();
-                if (!packet || me->over) break;
-                me->on_names(*packet);
-            }
-            co_await self.sleep(pause_between_tries);
-        }
-    }
 };
 
 system_watch::system_watch(component& self, service_selection wanted, std::vector<endpoint> name_servers,
                            system_news news)
-    : state_(std::make_shared<state>(self, std::move(wanted), std::move(name_servers), std::move(news))) {
-    self.spawn("names", state::watch_names(state_));
+    : state_(std::make_shared<state>(self, std::move(wanted), std::move(news))) {
+    std::function<void(const naming::name_events&)> on_names = [held = state_](const naming::name_events& told) {
+        if (!held->over) held->on_names(told);
+    };
+    std::function<void(const failure&)> on_trouble = [held = state_](const failure& why) {
+        if (!held->over) held->news.trouble(fmt::format("names are not known: {}", why.message()));
+    };
+    self.spawn("names", watch_names(self, std::move(name_servers), std::move(on_names), std::move(on_trouble)));
 }
 system_watch::~system_watch() { state_->over = true; }
 

@@ -97,6 +97,7 @@ private:
         keys.key("limits",
                  [this, &keys, &request, of](const entry& one) { read_limits(keys, one, request.limits, of); });
         keys.length("ready-within", request.terms.ready_within).length("grace", request.terms.grace);
+        keys.text("protocol", request.protocol);
     }
 
     void read_components(const value& from, const std::string& name_space) {
@@ -122,10 +123,7 @@ private:
         keys.key("type", [&](const entry& one) { take_word(keys, one, made.type); });
         keys.key("host", [&](const entry& one) { take_word(keys, one, made.host); });
         keys.key("parameters", [&](const entry& one) { read_parameters(keys, one, made); });
-        keys.texts("listen", listen)
-            .text("protocol", request.protocol)
-            .texts("after", after)
-            .text("process", request.process);
+        keys.texts("listen", listen).texts("after", after).text("process", request.process);
         add_shared_keys(keys, made, of);
         keys.key("probe", [&](const entry& one) { read_probe(keys, one, request.terms, of); });
         keys.key("roles", [&](const entry& one) { read_roles(keys, one, request); });

@@ -55,8 +55,8 @@ public:
 
     /// All keys, as the majority of the store has them now; errors as above. Cancellation: terminal.
     virtual task<result<store_snapshot>> read() = 0;
-    /// Each step by itself, together in one revision, at most `max_steps`, no key twice; errors as above. Cancellation: terminal; the
-    /// steps may have been done.
+    /// Each step by itself, together in one revision, at most `max_steps`, no key twice; errors as
+    /// above. Cancellation: terminal; the steps may have been done.
     virtual task<result<std::vector<store_outcome>>> write(std::vector<store_step> steps) = 0;
     /// Whether a majority of the store answers; errors as above. Cancellation: terminal.
     virtual task<result<void>> probe() = 0;

@@ -47,7 +47,8 @@ private:
 std::optional<failure> session_acceptor::objection(const wire::hello& caller, const verified_peer& as) const {
     const auto& policy = sessions_.credentials().access;
     if (!policy || as.same_process) return {};
-    if (auto broken = policy->broken()) return broken;
+    if (auto broken = policy->broken())
+        return failure(broken->code(), fmt::format("at {}, {}", runtime_.name_for_people(), broken->message()));
     net::session_peer peer(caller.self);
     peer.verified = as;
     return sessions_.objection_to_name(peer);

@@ -40,7 +40,7 @@ public:
 
     result<std::shared_ptr<ssl_ctx_st>> context() const override { return with_->context(env_); }
     bool prepare(SSL* session, shown_certificate& to) const override;
-    failure noted() const override { return failure_noted(); }
+    failure noted(std::string_view scheme) const override { return failure_noted(scheme); }
     failure stranger(std::string_view) const override {
         return {errc::unauthorized, "certificates are required here, and TLS was not begun: it dials udp://, and this "
                                     "side listens on udp+tls://"};
@@ -77,7 +77,7 @@ public:
     result<std::shared_ptr<ssl_ctx_st>> context() const override { return with_->sealing(); }
     bool prepare(SSL*, shown_certificate&) const override { return true; }
     std::optional<failure> missing(SSL* session) const override;
-    failure noted() const override { return psk_failure_noted(); }
+    failure noted(std::string_view scheme) const override { return psk_failure_noted(scheme); }
     failure stranger(std::string_view begin) const override {
         return {errc::unauthorized, std::string(why_no_session(begin))};
     }

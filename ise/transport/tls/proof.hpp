@@ -40,8 +40,9 @@ public:
     virtual bool prepare(ssl_st* session, shown_certificate& to) const = 0;
     /// The handshake is over: why it proves nothing all the same.
     virtual std::optional<failure> missing(ssl_st*) const { return std::nullopt; }
-    /// What the first failure that OpenSSL has noted means. Clears the notes.
-    virtual failure noted() const = 0;
+    /// What the first failure that OpenSSL has noted means. Clears the notes. `scheme`: of endpoints with certificates
+    /// over the same carrier, "tls" or "udp+tls".
+    virtual failure noted(std::string_view scheme) const = 0;
     /// Why a peer is refused that begins a session so, by a frame without TLS.
     virtual failure stranger(std::string_view begin) const = 0;
     /// Whether such a peer is answered by a frame over a stream; otherwise by TLS. After `begin_bytes`.

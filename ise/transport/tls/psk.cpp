@@ -66,7 +66,7 @@ int find(SSL* tls, const unsigned char* name, std::size_t size, SSL_SESSION** se
     return *session ? 1 : 0;
 }
 
-failure key_refused_by_peer(int alert) {
+failure key_refused_by_peer(int alert, std::string_view scheme) {
     switch (alert) {
         case SSL_AD_ILLEGAL_PARAMETER:
         case SSL_AD_DECRYPT_ERROR:
@@ -79,8 +79,10 @@ failure key_refused_by_peer(int alert) {
                                         "(ISE_KEY_LEGACY=1, --key-legacy); start both sides with it, or neither"};
         case SSL_AD_HANDSHAKE_FAILURE:
         case SSL_AD_CERTIFICATE_REQUIRED:
-            return {errc::unauthorized, "it refused the session: it takes certificates there, and no shared key "
-                                        "(tls://)"};
+            return {errc::unauthorized,
+                    fmt::format("it refused the session: it takes certificates there, and no shared "
+                                "key (dial {}://)",
+                                scheme)};
         case SSL_AD_PROTOCOL_VERSION: return {errc::protocol_error, "it speaks no TLS 1.3"};
         default:
             return {errc::protocol_error, fmt::format("it ended the sealed session by alert {} ({})", alert,
@@ -88,16 +90,19 @@ failure key_refused_by_peer(int alert) {
     }
 }
 
-std::optional<failure> key_refused_here(int reason) {
+std::optional<failure> key_refused_here(int reason, std::string_view scheme) {
     switch (reason) {
         case SSL_R_BINDER_DOES_NOT_VERIFY: return failure(errc::unauthorized, "the shared key here is another one");
         case SSL_R_CERTIFICATE_VERIFY_FAILED:
-            return failure(errc::unauthorized, "it shows a certificate instead of the shared key (dial tls://)");
+            return failure(errc::unauthorized,
+                           fmt::format("it shows a certificate instead of the shared key (dial {}://)", scheme));
         case SSL_R_NO_SHARED_CIPHER:
         case SSL_R_NO_SUITABLE_SIGNATURE_ALGORITHM:
         case SSL_R_NO_CERTIFICATE_SET:
-            return failure(errc::unauthorized, "a shared key is demanded here, and TLS without it was offered: it "
-                                               "dials tls://, or has something else in mind");
+            return failure(errc::unauthorized,
+                           fmt::format("a shared key is demanded here, and TLS without it was offered: it dials {}://, "
+                                       "or has something else in mind",
+                                       scheme));
         case SSL_R_HTTP_REQUEST:
         case SSL_R_HTTPS_PROXY_REQUEST:
         case SSL_R_PACKET_LENGTH_TOO_LONG:
@@ -142,23 +147,23 @@ bool use_sealing_ciphers(SSL* session) noexcept {
     return SSL_set_ciphersuites(session, suites(aes)) == 1;
 }
 
-failure first_error_noted(const error_meanings& here) {
+failure first_error_noted(const error_meanings& here, std::string_view scheme) {
     auto code = ERR_get_error();
     ERR_clear_error();
     if (code != 0 && ERR_GET_LIB(code) == ERR_LIB_SSL) {
         int reason = ERR_GET_REASON(code);
-        if (reason >= SSL_AD_REASON_OFFSET) return here.of_alert(reason - SSL_AD_REASON_OFFSET);
+        if (reason >= SSL_AD_REASON_OFFSET) return here.of_alert(reason - SSL_AD_REASON_OFFSET, scheme);
         if (reason == SSL_R_UNSUPPORTED_PROTOCOL || reason == SSL_R_VERSION_TOO_LOW)
             return {errc::protocol_error, "it speaks no TLS 1.3"};
-        if (auto special = here.of_reason(reason)) return *special;
+        if (auto special = here.of_reason(reason, scheme)) return *special;
     }
     const char* text = code ? ERR_reason_error_string(code) : nullptr;
     return {errc::protocol_error,
             fmt::format("{}: {}", here.otherwise, text ? text : "for no reason that OpenSSL tells")};
 }
 
-failure psk_failure_noted() {
-    return first_error_noted({key_refused_by_peer, key_refused_here, "the sealed session broke"});
+failure psk_failure_noted(std::string_view scheme) {
+    return first_error_noted({key_refused_by_peer, key_refused_here, "the sealed session broke"}, scheme);
 }
 
 } // namespace ise::net::tls

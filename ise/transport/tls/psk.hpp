@@ -28,14 +28,16 @@ bool use_sealing_ciphers(ssl_st* session) noexcept;
 
 /// What errors of OpenSSL mean for one kind of session.
 struct error_meanings {
-    failure (*of_alert)(int alert);                ///< the peer refused the session
-    std::optional<failure> (*of_reason)(int code); ///< this side did, by OpenSSL's reason; empty: nothing special
-    std::string_view otherwise;                    ///< begins the text for everything else
+    /// The peer refused the session. `scheme`: of endpoints with certificates over the same carrier.
+    failure (*of_alert)(int alert, std::string_view scheme);
+    /// This side did, by OpenSSL's reason; empty: nothing special.
+    std::optional<failure> (*of_reason)(int code, std::string_view scheme);
+    std::string_view otherwise; ///< begins the text for everything else
 };
 /// What the first error that OpenSSL noted on this thread means for the session. Clears the notes.
-failure first_error_noted(const error_meanings& here);
+failure first_error_noted(const error_meanings& here, std::string_view scheme);
 /// The same for a session sealed by the shared key.
-failure psk_failure_noted();
+failure psk_failure_noted(std::string_view scheme);
 
 /// The alerts by which a listener without sealed sessions answers one that asks for them.
 enum class refusal : std::uint8_t {

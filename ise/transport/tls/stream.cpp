@@ -136,13 +136,13 @@ std::error_code tls_stream::prepare() {
     if (shown_.host.empty()) SSL_set_accept_state(tls_.get());
     else SSL_set_connect_state(tls_.get());
     if (with_->prepare(tls_.get(), shown_)) return {};
-    verdict_ = with_->noted();
+    verdict_ = with_->noted("tls");
     return broken_ = made(trouble::broken);
 }
 
 // OpenSSL has failed. With the mutex.
 std::error_code tls_stream::fail() {
-    auto noted = with_->noted();
+    auto noted = with_->noted("tls");
     if (!verdict_) verdict_ = shown_.objection ? *shown_.objection : std::move(noted);
     return broken_ = made(trouble::broken);
 }

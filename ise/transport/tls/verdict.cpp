@@ -48,7 +48,7 @@ std::string names_of(X509* of) {
 }
 
 // What a peer says when it refuses, by the number of the alert.
-failure refused_by_peer(int alert) {
+failure refused_by_peer(int alert, std::string_view scheme) {
     auto ours = [](std::string_view why) {
         return failure(errc::unauthorized, fmt::format("it refused the certificate of this side: {}", why));
     };
@@ -72,14 +72,15 @@ failure refused_by_peer(int alert) {
         case SSL_AD_PROTOCOL_VERSION: return {errc::protocol_error, "it speaks no TLS 1.3"};
         case static_cast<int>(refusal::no_key):
         case static_cast<int>(refusal::old_scheme): // a listener on tcp:// or local:// (FORMAT.md, section 17)
-            return {errc::protocol_error, "it speaks without TLS: one side has tls://, the other not"};
+            return {errc::protocol_error,
+                    fmt::format("it speaks without TLS: one side has {}://, the other not", scheme)};
         default:
             return {errc::protocol_error,
                     fmt::format("it ended TLS by alert {} ({})", alert, SSL_alert_desc_string_long(alert))};
     }
 }
 
-std::optional<failure> certificate_refused_here(int reason) {
+std::optional<failure> certificate_refused_here(int reason, std::string_view scheme) {
     switch (reason) {
         case SSL_R_PEER_DID_NOT_RETURN_A_CERTIFICATE: return failure(errc::unauthorized, "it showed no certificate");
         case SSL_R_EXCESSIVE_MESSAGE_SIZE:
@@ -89,8 +90,9 @@ std::optional<failure> certificate_refused_here(int reason) {
         case SSL_R_HTTPS_PROXY_REQUEST:
         case SSL_R_PACKET_LENGTH_TOO_LONG:
         case SSL_R_WRONG_VERSION_NUMBER:
-            return failure(errc::protocol_error,
-                           "it speaks without TLS, or something else: one side has tls://, the other not");
+            return failure(
+                errc::protocol_error,
+                fmt::format("it speaks without TLS, or something else: one side has {}://, the other not", scheme));
         default: return std::nullopt;
     }
 }
@@ -131,6 +133,8 @@ std::string objection(x509_store_ctx_st& check, const std::string& wanted_host) 
     }
 }
 
-failure failure_noted() { return first_error_noted({refused_by_peer, certificate_refused_here, "TLS broke"}); }
+failure failure_noted(std::string_view scheme) {
+    return first_error_noted({refused_by_peer, certificate_refused_here, "TLS broke"}, scheme);
+}
 
 } // namespace ise::net::tls

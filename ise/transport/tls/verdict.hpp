@@ -2,6 +2,7 @@
 #include <ise/core/error.hpp>
 
 #include <string>
+#include <string_view>
 
 struct x509_store_ctx_st; // of OpenSSL
 
@@ -15,7 +16,7 @@ inline constexpr long max_certificates = 32 * 1024;
 std::string objection(x509_store_ctx_st& check, const std::string& wanted_host);
 
 /// What the first failure that OpenSSL noted on this thread means for the session, where no certificate of the peer was
-/// found wrong here: an alert of the peer, or what came is no TLS. Clears the notes.
-failure failure_noted();
+/// found wrong here: an alert of the peer, or what came is no TLS. Clears the notes. `scheme`: "tls" or "udp+tls".
+failure failure_noted(std::string_view scheme);
 
 } // namespace ise::net::tls

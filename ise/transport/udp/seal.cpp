@@ -220,7 +220,7 @@ bool tls_seal::begin() {
     else SSL_set_accept_state(tls_.get());
     SSL_clear_options(tls_.get(), SSL_OP_ENABLE_MIDDLEBOX_COMPAT); // nobody else's port is used
     if (tls::use_sealing_ciphers(tls_.get()) && with_->prepare(tls_.get(), shown_)) return true;
-    trouble_ = with_->noted();
+    trouble_ = with_->noted("udp+tls");
     tls_.reset();
     return false;
 }
@@ -250,7 +250,7 @@ void tls_seal::go_on(std::uint8_t after) {
     int went = SSL_do_handshake(tls_.get());
     bool done = went == 1;
     if (!done && SSL_get_error(tls_.get(), went) != SSL_ERROR_WANT_READ) {
-        auto noted = with_->noted();
+        auto noted = with_->noted("udp+tls");
         trouble_ = shown_.objection ? *shown_.objection : std::move(noted);
     }
     if (done) trouble_ = with_->missing(tls_.get());
@@ -305,7 +305,7 @@ void tls_seal::hear_refusal() {
     std::size_t count = 0;
     int went = SSL_read_ex(tls_.get(), &nothing, 1, &count);
     if (SSL_get_error(tls_.get(), went) == SSL_ERROR_WANT_READ) return;
-    if (ERR_GET_REASON(ERR_peek_error()) >= SSL_AD_REASON_OFFSET) trouble_ = with_->noted();
+    if (ERR_GET_REASON(ERR_peek_error()) >= SSL_AD_REASON_OFFSET) trouble_ = with_->noted("udp+tls");
     ERR_clear_error();
     tls_.reset();
 }

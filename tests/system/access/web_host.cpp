@@ -6,6 +6,7 @@
 #include <ise/component/parameter_services.hpp>
 #include <ise/instantiation/services.hpp>
 
+#include <algorithm>
 #include <chrono>
 #include <functional>
 #include <limits>
@@ -252,4 +253,51 @@ TEST_CASE("with the certificate of the web host nothing is started, stopped, set
     CHECK_THAT(look.out, Contains(R"("holder":"")"));
     CHECK(web.ask("atirma/communication", atirma::services::track, {}));
     CHECK(shore.ise("ana", {"stop", "atirma/shore/gprs"}).exit_code == 0);
+}
+
+TEST_CASE("access: the page of a healthy A-Tirma gets what it shows and is refused nothing") {
+    atirma_shore shore;
+    shore.run("web", {"web-server", "--path", "atirma/page", "--telemetry", "atirma/communication", "--port", "0"});
+    std::string used;
+    do { // until it has what it asks for last; the limit of the test ends this
+        auto ran = shore.ise("ana", {"graph", "--json"});
+        INFO(ran.err);
+        REQUIRE(ran.exit_code == 0);
+        used.clear();
+        auto told = json::parse(ran.out);
+        for (const auto& one : told["connections"])
+            if (one["a"] == "atirma/page" || one["b"] == "atirma/page") used += one["services"].dump();
+    } while (used.find("communication_state") == used.npos);
+    CHECK_THAT(used, Contains("telemetry"));
+    for (const auto& line : shore.audit_of(web_identity)) {
+        INFO(line.dump());
+        CHECK(line.at("verdict") == "allowed");
+    }
+}
+
+TEST_CASE("access: doctor and list say whose policy cannot be used, why, and which counts") {
+    harbour there;
+    there.run("boat", {"xbee-link", "--path", "atirma/air", "--shore-port", there.file("air"), "--boat-port",
+                       there.file("sea")});
+    auto healthy = there.ise("ana", {"access", "list", "--json"});
+    INFO(healthy.err);
+    REQUIRE(healthy.exit_code == 0);
+    auto policies = json::parse(healthy.out);
+    for (const auto& one : policies) CHECK(one["problem"] == "");
+    auto found = std::ranges::find(policies, "ise/name_server", [](const json& one) { return one["component"]; });
+    REQUIRE(found != policies.end()); // it has no name in itself, and is asked all the same
+    std::string hash = (*found)["hash"];
+    CHECK(hash.size() == 16);
+
+    there.write_policy("garbage [[");
+    json told; // all read the file again within 5 s; the limit of the test ends this
+    do {
+        auto ran = there.ise("ana", {"doctor", "--interval", "10ms", "--json"});
+        told = json::parse(ran.out);
+    } while (told["findings"].empty() || told["findings"][0]["kind"] != "policy_unusable");
+    const auto& finding = told["findings"][0];
+    CHECK(finding["component"] == "ise/name_server");
+    CHECK_THAT(finding["message"].get<std::string>(),
+               Contains("the access policy cannot be used") && Contains(hash) && Contains("access.toml:1:"));
+    CHECK_THAT(finding["advice"].get<std::string>(), Contains("ise access check FILE"));
 }

@@ -293,6 +293,39 @@ def transport(folder):
         expect("who was renewed is let in", code == 0, told)
 
 
+def deployments(folder):
+    """All that the hosts of a deployment file and its operators need, by one command."""
+    (folder / "fleet.toml").write_text('name = "fleet"\n[hosts.boat]\n[hosts.ashore]\nserver = "shore"\n[components.one]\ntype = "one"\nhost = "boat"\n')
+    command = ("deployment", "fleet.toml", "--operator", "ana", "--boat", "boat", "--host", "shore=shore.local", "--folder", "fleet")
+    for wrong, why in (
+        (("--boat", "ship"), "fleet.toml has no host 'ship'; it has boat"),
+        (("--host", "ship=10.0.0.1"), "fleet.toml has no host 'ship'"),
+        (("--host", "shore.local"), "--host"),
+        (("--operator", "boat"), "'boat' is a host and cannot be an operator"),
+    ):
+        refused(folder, 2, why, "deployment", "fleet.toml", *wrong, "--folder", "none")
+    refused(folder, 2, "nowhere.toml", "deployment", "nowhere.toml")
+    keys(folder, *command)
+    expect("each has a folder", sorted(one.name for one in (folder / "fleet").iterdir()) == ["ana", "authority", "boat", "shore"])
+    for name, identity, hosts in (
+        ("boat", "ise://fleet/boat", ["localhost", "127.0.0.1", "0:0:0:0:0:0:0:1"]),
+        ("shore", "ise://fleet/shore", ["localhost", "shore.local", "127.0.0.1", "0:0:0:0:0:0:0:1"]),
+        ("ana", "ise://fleet/operator/ana", []),
+    ):
+        (one,) = show(folder, f"fleet/{name}/certificate.pem")
+        expect(f"{name} is itself", (one["identity"], sorted(one["hosts"]), one["trouble"]) == (identity, sorted(hosts), ""), one)
+        expect(f"the key of {name} is its owner's only", mode(folder / f"fleet/{name}/key.pem") == 0o600)
+        openssl(folder, "verify", "-x509_strict", "-CAfile", f"fleet/{name}/ca.pem", f"fleet/{name}/certificate.pem")
+    days = {name: show(folder, f"fleet/{name}/certificate.pem")[0] for name in ("boat", "shore")}
+    expect("the boat's is valid for longer", days["boat"]["valid_until"] > days["shore"]["valid_until"], days)
+    before = {file: file.read_bytes() for file in (folder / "fleet").rglob("*.pem")}
+    told = keys(folder, *command)
+    expect("what is there stays", "has all of it already" in told and before == {file: file.read_bytes() for file in before}, told)
+    keys(folder, *command, "--operator", "ben")
+    (one,) = show(folder, "fleet/ben/certificate.pem")
+    expect("who comes later is added", one["identity"] == "ise://fleet/operator/ben" and before == {file: file.read_bytes() for file in before}, one)
+
+
 def main():
     global ISE, NAME_SERVER
     if len(sys.argv) != 3:
@@ -301,7 +334,7 @@ def main():
     ISE, NAME_SERVER = (str(Path(one).resolve()) for one in sys.argv[1:])
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
-        for story in (files, refusals, renewals, renewals_by_themselves, transport):
+        for story in (files, refusals, renewals, renewals_by_themselves, transport, deployments):
             story(folder)
     return 0
 

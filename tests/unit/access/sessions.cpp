@@ -319,6 +319,35 @@ TEST_CASE("access: an edit that allows what is used lets no call fail meanwhile"
     CHECK(failed == 0);
 }
 
+TEST_CASE("access: a file that cannot be used is one change, whatever time passes, and so is its correction") {
+    sea at;
+    at.write("boat", sea::open);
+    auto& process = at.world.host("boat").start_process("boat");
+    auto guard = ise::access::guard::load(process, "access.toml", ise::access::audit_log()).value();
+    auto look_again = [&] {
+        at.world.run_for(ise::access::guard::reread_after + 1s);
+        guard->refresh();
+        return guard->version();
+    };
+    const auto hash = guard->current()->hash();
+    auto before = look_again();
+    at.write("boat", "garbage [[");
+    auto broken = look_again();
+    CHECK(broken == before + 1);
+    CHECK(look_again() == broken);
+    CHECK(look_again() == broken);
+    REQUIRE(guard->broken());
+    CHECK_THAT(guard->broken()->message(),
+               Contains("the access policy cannot be used") && Contains(hash) && Contains("access.toml:1:"));
+    at.write("boat", "version = 2");
+    CHECK(look_again() == broken + 1); // another reason
+    at.write("boat", sea::open);
+    auto mended = look_again();
+    CHECK(mended > broken + 1);
+    CHECK_FALSE(guard->broken());
+    CHECK(look_again() == mended);
+}
+
 TEST_CASE("access: a policy that cannot be used from the start is an error with its lines") {
     sea at;
     at.write("boat", "version = 1\n[[allow]]\nwho = \"web\"\n");

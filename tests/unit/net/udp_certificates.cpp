@@ -235,10 +235,10 @@ TEST_CASE("udp certificates: unequal sides tell each other") {
     auto which = GENERATE(range(0, 5));
     const std::vector<met> all{
         {certified, none, "udp+tls", "udp", "certificates are required here", "certificates are required here"},
-        {none, certified, "udp", "udp+tls", "one side has tls://, the other not", "this side has no key"},
-        {certified, keyed, "udp+tls", "udp", "it shows a certificate instead of the shared key",
+        {none, certified, "udp", "udp+tls", "one side has udp+tls://, the other not", "this side has no key"},
+        {certified, keyed, "udp+tls", "udp", "it shows a certificate instead of the shared key (dial udp+tls://)",
          "it refused the certificate of this side"},
-        {keyed, certified, "udp", "udp+tls", "TLS", "a shared key is demanded here, and TLS without it was offered"},
+        {keyed, certified, "udp", "udp+tls", "TLS", "TLS without it was offered: it dials udp+tls://"},
         {both, certified, "udp+tls", "udp+tls", "a shared key is demanded", "a shared key is demanded here"},
     };
     const auto& one = all[static_cast<std::size_t>(which)];
