@@ -72,30 +72,11 @@ void datagram_end::arrive(datagram what) {
     }
     received_bytes_ += what.content.size();
     received_.push_back(std::move(what));
-    if (!used_ && !incoming.waiting()) return;
+    if (!incoming.waiting()) return;
     submit(where_, [self = shared_from_this()] {
         loop::turn in(self->loop_);
-        if (self->used_) self->hand_over();
-        else self->incoming.resume({});
+        self->incoming.resume({});
     });
-}
-
-void datagram_end::use(std::weak_ptr<datagram_taker> taker) {
-    taker_ = std::move(taker);
-    used_ = true;
-    if (received_.empty()) return;
-    submit(where_, [self = shared_from_this()] {
-        loop::turn in(self->loop_);
-        self->hand_over();
-    });
-}
-
-void datagram_end::hand_over() {
-    auto taker = taker_.lock();
-    while (taker && !closed_ && !received_.empty()) {
-        if (auto fault = owner_.begin_operation()) return taker->on_trouble(fault);
-        taker->take(*take().second);
-    }
 }
 
 void datagram_end::close() {
@@ -108,14 +89,13 @@ void datagram_end::end(ending) { leave(); }
 
 namespace {
 
-class udp_socket final : public datagram_socket, public datagram_source {
+class udp_socket final : public datagram_socket {
 public:
     using received = std::pair<std::error_code, const datagram*>;
 
     explicit udp_socket(std::shared_ptr<datagram_end> end) : end_(std::move(end)) {}
     ~udp_socket() override { end_->close(); }
 
-    void use(std::weak_ptr<datagram_taker> taker) override { end_->use(std::move(taker)); }
     task<received> receive() override { return next(end_); }
     std::error_code try_send(const endpoint& to, bytes_view content) override {
         if (auto fault = end_->owner().begin_operation()) return fault;

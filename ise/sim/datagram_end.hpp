@@ -1,5 +1,4 @@
 #pragma once
-#include <ise/core/datagram_taker.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/waiter.hpp>
 #include <ise/sim/resource.hpp>
@@ -27,7 +26,6 @@ public:
     std::pair<std::error_code, const datagram*> take(); ///< would_block: nothing yet; it stays until the next
     std::error_code send(const endpoint& to, bytes_view content);
     void arrive(datagram what);
-    void use(std::weak_ptr<datagram_taker> taker);
     void close();
     void end(ending how) override;
 
@@ -35,7 +33,6 @@ public:
 
 private:
     void leave();
-    void hand_over();
 
     socket_owner& owner_;
     std::shared_ptr<flow> where_;
@@ -44,8 +41,6 @@ private:
     std::deque<datagram> received_;
     datagram taken_;
     std::size_t received_bytes_ = 0;
-    std::weak_ptr<datagram_taker> taker_;
-    bool used_ = false; // there is one
     bool closed_ = false;
 };
 

@@ -1,4 +1,3 @@
-#include <ise/core/datagram_taker.hpp>
 #include <ise/core/real/socket_stream.hpp>
 #include <ise/core/real/sockets.hpp>
 
@@ -6,8 +5,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <array>
 #include <cerrno>
 #include <memory>
 #include <mutex>
@@ -19,7 +16,6 @@ namespace {
 using asio::ip::udp;
 
 constexpr std::size_t max_datagram = 65'535;
-constexpr std::size_t at_once = 4; // of one call: that it brings fewer says that there are no more
 // What arrives while the loop is busy; the kernel gives less where its administrator says so.
 constexpr int kernel_buffer_bytes = 1 << 20;
 
@@ -27,7 +23,7 @@ endpoint as_endpoint(const udp::endpoint& at) { return {protocol::udp, at.addres
 
 using received = std::pair<std::error_code, const datagram*>;
 
-class udp_socket final : public datagram_socket, public datagram_source, private descriptor {
+class udp_socket final : public datagram_socket, private descriptor {
 public:
     udp_socket(loop& on, owned_fd socket, endpoint where)
         : descriptor(on, std::move(socket)), where_(std::move(where)), receiver_(on, [this] {
@@ -37,15 +33,9 @@ public:
 
     using descriptor::watch;
 
-    void use(std::weak_ptr<datagram_taker> taker) override {
-        taker_ = std::move(taker);
-        used_ = true;
-        want_read();
-    }
-
     task<received> receive() override {
         if (!fd_open()) co_return received(asio::error::operation_aborted, nullptr);
-        if (has_read()) {
+        if (may_read()) {
             auto got = take();
             if (got.first != asio::error::would_block) co_return got;
         }
@@ -80,70 +70,35 @@ private:
         endpoint named;
     };
 
-    // One of those that were read, or a read.
-    bool has_read() noexcept { return next_ < come_ || may_read(); }
-
     void on_readable() override {
-        if (used_) return hand_over();
-        if (!receiver_.waiting() || !has_read()) return;
+        if (!receiver_.waiting() || !may_read()) return;
         auto got = take();
         if (got.first == asio::error::would_block) want_read();
         else receiver_.resume(got);
     }
     void on_writable() override {}
 
-    void hand_over() {
-        auto taker = taker_.lock(); // it may own this socket
-        if (!taker) return;
-        while (fd_open() && has_read()) {
-            auto got = take();
-            if (got.second) taker->take(*got.second);
-            else if (got.first != asio::error::would_block) taker->on_trouble(got.first);
-        }
-        if (fd_open()) want_read();
-    }
-
     received take() {
-        if (next_ == come_) {
-            if (auto problem = read()) return {problem, nullptr};
+        if (room_.empty()) room_.resize(max_datagram);
+        ssize_t count = 0;
+        for (;;) {
+            auto size = static_cast<socklen_t>(sender_.capacity());
+            count = ::recvfrom(fd(), room_.data(), room_.size(), 0, sender_.data(), &size);
+            if (count >= 0) {
+                sender_.resize(size);
+                break;
+            }
+            if (errno == EINTR) continue;
+            if (errno != EAGAIN && errno != EWOULDBLOCK) return {last_system_error(), nullptr};
+            found_nothing();
+            return {asio::error::would_block, nullptr};
         }
-        auto& one = all_->messages[next_];
-        auto& from = all_->senders[next_];
-        from.resize(one.msg_hdr.msg_namelen);
-        if (from != last_sender_) {
-            last_.peer = as_endpoint(from);
-            last_sender_ = from;
+        if (sender_ != last_sender_) {
+            last_.peer = as_endpoint(sender_);
+            last_sender_ = sender_;
         }
-        const auto* content = all_->rooms[next_++].data();
-        last_.content.assign(content, content + one.msg_len);
+        last_.content.assign(room_.begin(), room_.begin() + static_cast<std::ptrdiff_t>(count));
         return {{}, &last_};
-    }
-
-    std::error_code read() {
-        if (!all_) all_ = std::make_unique_for_overwrite<batch>();
-        for (std::size_t i = 0; i < at_once; ++i) {
-            all_->parts[i] = {all_->rooms[i].data(), max_datagram};
-            all_->messages[i].msg_hdr = {all_->senders[i].data(),
-                                         static_cast<socklen_t>(all_->senders[i].capacity()),
-                                         &all_->parts[i],
-                                         1,
-                                         nullptr,
-                                         0,
-                                         0};
-        }
-        int count = 0;
-        do count = ::recvmmsg(fd(), all_->messages.data(), at_once, 0, nullptr);
-        while (count < 0 && errno == EINTR);
-        next_ = 0;
-        come_ = static_cast<std::size_t>(std::max(count, 0));
-        if (count == at_once) return {};
-        if (count > 0) {
-            found_less();
-            return {};
-        }
-        const auto problem = last_system_error();
-        found_nothing();
-        return problem;
     }
 
     udp::endpoint address_of(const endpoint& to, std::error_code& problem) {
@@ -192,19 +147,9 @@ private:
         return {};
     }
 
-    // Only what datagrams fill of it becomes memory.
-    struct batch {
-        std::array<mmsghdr, at_once> messages;
-        std::array<iovec, at_once> parts;
-        std::array<udp::endpoint, at_once> senders;
-        std::array<std::array<std::byte, max_datagram>, at_once> rooms;
-    };
-
     endpoint where_;
-    std::unique_ptr<batch> all_;
-    std::size_t next_ = 0, come_ = 0; // of what was read
-    std::weak_ptr<datagram_taker> taker_;
-    bool used_ = false; // there is one
+    bytes room_;
+    udp::endpoint sender_; // its datagram's
     datagram last_;
     udp::endpoint last_sender_;
     std::mutex sending_; // signs of life are sent from another thread

@@ -16,18 +16,15 @@ constexpr duration lookup_pause = std::chrono::milliseconds(20);
 } // namespace
 
 port::port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens, port_security with)
-    : on_(on), socket_(std::move(socket)), scratch_(wire::datagram_bytes),
-      news_(on, [this] { news_.resume({asio::error::operation_aborted}); }), with_(std::move(with)), listens_(listens),
+    : on_(on), socket_(std::move(socket)), scratch_(wire::datagram_bytes), with_(std::move(with)), listens_(listens),
       accepting_(listens), jar_(on.env()), again_(on, [this] {
           auto problem = ask();
           if (!problem || problem == asio::error::would_block) return;
           dial_problem_ = problem;
-          close(); // whoever waits for news hears of it
+          close(); // whoever waits for datagrams hears of it
       }) {}
 
 port::~port() { close(); }
-
-void port::begin() { dynamic_cast<datagram_source&>(*socket_).use(weak_from_this()); }
 
 std::unique_ptr<seal> port::make_seal(bool calls) const {
     if (with_.tls) return seal::make(with_.tls, on_.env(), calls ? target_.host : std::string());
@@ -44,7 +41,6 @@ std::uint64_t port::draw_id() {
 void port::take(const datagram& came) {
     auto received = wire::read_datagram(came.content);
     if (!received || closed_) return;
-    if (!listens_) news_.resume();
     const auto type = received->type;
     if (type == wire::datagram_type::open) return on_open(came.peer, *received);
     if (type == wire::datagram_type::cookie || type == wire::datagram_type::opened)
@@ -69,13 +65,6 @@ void port::take(const datagram& came) {
     else held->on_sign(came.peer, came.content);
 }
 
-void port::on_trouble(std::error_code problem) {
-    if (closed_) return;
-    if (listens_) return news_.resume({problem});
-    dial_problem_ = problem;
-    close();
-}
-
 void port::on_open(const endpoint& from, const wire::datagram_view& received) {
     auto asked = wire::read_opening(received);
     if (!asked || !accepting_) return;
@@ -94,7 +83,6 @@ void port::on_open(const endpoint& from, const wire::datagram_view& received) {
     all_.emplace(made->id(), made);
     openings_.emplace(std::pair(from, received.id), made);
     waiting_.push_back(made);
-    news_.resume();
     answer_opened(*made);
 }
 
@@ -193,7 +181,6 @@ void port::close() {
     openings_.clear();
     waiting_.clear();
     dialled_.reset();
-    news_.resume({asio::error::operation_aborted});
 }
 
 } // namespace ise::net::udp

@@ -1,5 +1,4 @@
 #pragma once
-#include <ise/core/datagram_taker.hpp>
 #include <ise/transport/udp/association.hpp>
 #include <ise/transport/udp/cookie.hpp>
 
@@ -15,9 +14,9 @@ struct port_security {
     std::shared_ptr<tls::identity> tls;    ///< in the place of the key; null: no certificates
 };
 
-/// One socket and all that is said over it. A listener's serves everybody who comes, a requester's one peer. The socket
-/// hands it each datagram, once it was told to begin.
-class port final : public association_port, public datagram_taker, public std::enable_shared_from_this<port> {
+/// One socket and all that is said over it. A listener's serves everybody who comes, a requester's one peer. Whoever
+/// waits for datagrams (the listener's `accept`, the requester's `read_some`) hands them to `take`.
+class port final : public association_port, public std::enable_shared_from_this<port> {
 public:
     /// Channels that nobody has accepted yet; a stranger beyond asks again.
     static constexpr std::size_t max_waiting = 64;
@@ -29,17 +28,9 @@ public:
     port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens, port_security with = port_security());
     ~port();
 
-    /// Begins to take what comes; not within the constructor.
-    void begin();
-    void take(const datagram& came) override;
-    void on_trouble(std::error_code problem) override;
-
-    struct outcome { // not std::error_code: a waiter would throw it
-        std::error_code problem;
-    };
-    /// Until a stranger has opened a channel, receiving has failed, or it is closed; of a requester until something has
-    /// come. Cancellation: terminal, `operation_aborted`, ends only the wait.
-    waiter<outcome>::operation news() noexcept { return news_.wait(); }
+    auto receive() { return socket_->receive(); }
+    /// Takes a datagram; inside a turn.
+    void take(const datagram& came);
     std::error_code send(const endpoint& to, bytes_view content) override {
         return closed_ ? std::error_code() : socket_->try_send(to, content);
     }
@@ -80,7 +71,6 @@ private:
     std::unique_ptr<datagram_socket> socket_;
     std::mutex mutex_;
     buffer scratch_;
-    waiter<outcome> news_;
     port_security with_;
     bool listens_;
     bool accepting_;

@@ -1,6 +1,5 @@
 // Sockets of the real world, on a loop of ISE's own and on an io_context of the program.
 #include <ise/asio.hpp>
-#include <ise/core/datagram_taker.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/core/sleep.hpp>
 
@@ -14,10 +13,8 @@
 
 #include <atomic>
 #include <csignal>
-#include <functional>
 #include <future>
 #include <optional>
-#include <span>
 #include <string>
 #include <thread>
 
@@ -362,58 +359,6 @@ TEST_CASE("sockets: whoever waits can be cancelled and go on, and closing ends e
             at.run(shut(two));
             for (auto& one : pending) CHECK(one.get() == asio::error::operation_aborted);
             at.run(drop(two));
-        }
-}
-
-TEST_CASE("sockets: datagrams are handed over in order, until the socket is closed or goes with whoever takes them") {
-    struct counter final : ise::datagram_taker {
-        explicit counter(std::unique_ptr<ise::datagram_socket> over) : socket(std::move(over)) {}
-        void take(const ise::datagram& came) override {
-            seen.append(reinterpret_cast<const char*>(came.content.data()), came.content.size());
-            if (seen.size() == until) on_last(*this); // may destroy *this
-        }
-        void on_trouble(std::error_code) override { ++troubles; }
-
-        std::unique_ptr<ise::datagram_socket> socket;
-        std::string seen;
-        std::size_t until = 0;
-        std::function<void(counter&)> on_last;
-        int troubles = 0;
-    };
-    const auto any = ise::endpoint::parse("udp://127.0.0.1:0").value();
-    enum class end { stays, closes, goes };
-    for (bool own : {true, false})
-        for (auto how : {end::stays, end::closes, end::goes}) {
-            INFO(own << static_cast<int>(how));
-            place at(own);
-            auto exchange = [](place& on, ise::endpoint where, end what) -> task<std::string> {
-                auto& loop = on.host->loop();
-                auto from = on.env.open_datagram(loop, where).value();
-                auto taker = std::make_shared<counter>(on.env.open_datagram(loop, where).value());
-                const auto to = taker->socket->where();
-                std::string seen;
-                bool last = false;
-                taker->until = what == end::stays ? 26 : 3; // of those that one read brings
-                taker->on_last = [&](counter& which) {
-                    last = true;
-                    seen = which.seen;
-                    if (what == end::closes) which.socket->close();
-                    if (what == end::goes) taker.reset();
-                };
-                auto send = [&](char letter) {
-                    const auto word = std::as_bytes(std::span(&letter, 1));
-                    auto problem = from->try_send(to, ise::bytes_view(word));
-                    if (problem) throw std::system_error(problem);
-                };
-                send('a'); // before it is used
-                dynamic_cast<ise::datagram_source&>(*taker->socket).use(taker);
-                for (char letter = 'b'; letter <= 'z'; ++letter) send(letter);
-                while (!last) co_await ise::sleep_for(loop, 100us);
-                for (int pause = 0; pause < 3; ++pause) co_await ise::sleep_for(loop, 1ms); // nothing more comes
-                if (taker) seen = taker->seen + std::string(static_cast<std::size_t>(taker->troubles), '!');
-                co_return seen;
-            };
-            CHECK(at.run(exchange(at, any, how)) == (how == end::stays ? "abcdefghijklmnopqrstuvwxyz" : "abc"));
         }
 }
 
