@@ -30,7 +30,9 @@ struct settings {
     std::string state;
     std::string name;
     std::string name_server;
-    std::vector<std::string> listen, advertise, addresses, hosts, paths;
+    std::vector<std::string> listen, advertise, addresses, hosts, paths, users;
+    std::string identities;
+    bool as_root = false;
     ise::security_options security;
     ise::node_options node; ///< metrics and traces
     ise::log_level log_level = ise::log_level::info;
@@ -118,6 +120,9 @@ int run(const settings& wanted) {
                                           wanted.addresses.end());
     options.rules.target_hosts = wanted.hosts;
     options.rules.path_folders = wanted.paths;
+    if (!wanted.identities.empty()) options.rules.identities_folder = absolute(wanted.identities);
+    options.rules.users = wanted.users;
+    options.rules.as_root = wanted.as_root;
 
     ise::instantiation::real_machine host;
     auto folder = options.state_folder;
@@ -186,6 +191,13 @@ int main(int argc, char** argv) {
            "--allow-path", wanted.paths,
            "a folder or device that parameters may name, such as /dev/ttyUSB0; several are allowed (default: none)")
         ->type_name("PATH");
+    app.add_option("--identities", wanted.identities,
+                   "folder with one folder of certificates for each identity that components may have (default: none)")
+        ->type_name("FOLDER");
+    app.add_option("--allow-user", wanted.users,
+                   "a user as whom components may be started, which only root can; several are allowed (default: none)")
+        ->type_name("USER");
+    app.add_flag("--as-root", wanted.as_root, "components may be started with the user root");
     app.add_option("--max-instances", wanted.instances, "maximum number of instances, including those that have ended")
         ->check(CLI::Range(1, 4096))
         ->capture_default_str();

@@ -171,7 +171,7 @@ problem wrong_what(access::action what, const std::string& given) {
         case access::action::set: form = "PATH:PARAMETER"; break;
         case access::action::role: form = "ROLE=PRIORITY"; break;
         case access::action::start:
-        case access::action::stop: form = "HOST:PATH or HOST:PATH=TYPE"; break;
+        case access::action::stop: form = "HOST:PATH, HOST:PATH=TYPE or HOST:PATH=TYPE,identity=NAME,user=NAME"; break;
         default: break;
     }
     return problem(
@@ -183,7 +183,7 @@ problem wrong_what(access::action what, const std::string& given) {
 struct asked {
     access::request request;
     std::vector<std::string> targets;
-    std::string item, host, type;
+    std::string item, host, type, identity, user;
 };
 
 std::unique_ptr<asked> read_request(const access_options& options) {
@@ -216,6 +216,13 @@ std::unique_ptr<asked> read_request(const access_options& options) {
         }
         case access::action::start:
         case access::action::stop: {
+            for (auto comma = text.rfind(','); comma != text.npos; comma = text.rfind(',')) {
+                auto word = text.substr(comma + 1);
+                text.erase(comma);
+                if (word.starts_with("identity=")) made->identity = word.substr(9);
+                else if (word.starts_with("user=")) made->user = word.substr(5);
+                else throw wrong_what(*what, options.words[2]);
+            }
             cut('=', made->type, false);
             auto colon = text.find(':');
             if (colon == text.npos) throw wrong_what(*what, options.words[2]);
@@ -234,6 +241,8 @@ std::unique_ptr<asked> read_request(const access_options& options) {
     if (request.what == *what) request.item = made->item;
     if (!made->host.empty()) request.host = made->host;
     request.type = made->type;
+    request.identity = made->identity;
+    request.user = made->user;
     return made;
 }
 

@@ -192,7 +192,9 @@ instance_line line_of(const std::string& host, const instantiation::instance_inf
             .output_trouble = what.output_trouble,
             .probe = what.terms.probe,
             .probe_trouble = what.probe_trouble,
-            .rebuilt = what.rebuilt};
+            .rebuilt = what.rebuilt,
+            .identity = what.identity,
+            .user = what.user};
 }
 
 task<> print_instance(context& in, std::string host, instantiation::instance_info what) {

@@ -51,6 +51,7 @@ struct instance_line {
     std::uint64_t output_dropped = 0;
     std::string output_trouble, probe, probe_trouble;
     bool rebuilt = false;
+    std::string identity, user;
 };
 instance_line line_of(const std::string& host, const instantiation::instance_info& what);
 std::string_view name_of(instantiation::instance_state state);

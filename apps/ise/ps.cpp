@@ -18,10 +18,13 @@ struct ps_options {
     bool names = false;
 };
 
-// "4711", and where others run in it too "4711 (main)".
+// "4711", where others run in it too "4711 (main)", and with its own user and identity "4711 as pi with xbee".
 std::string process_of(const instantiation::instance_info& what) {
     auto text = what.process_id == 0 ? std::string("-") : std::to_string(what.process_id);
-    return what.process.empty() ? text : fmt::format("{} ({})", text, what.process);
+    if (!what.process.empty()) return fmt::format("{} ({})", text, what.process);
+    if (!what.user.empty()) text += fmt::format(" as {}", what.user);
+    if (!what.identity.empty()) text += fmt::format(" with {}", what.identity);
+    return text;
 }
 
 // Its last state change, and its present problems.

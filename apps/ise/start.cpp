@@ -20,6 +20,7 @@ struct start_options {
     std::string type, name, host, name_space, protocol;
     std::vector<std::string> set, listen, variables, roles, limits;
     std::string process; ///< that it shares with others; empty: it has one to itself
+    std::string identity, user;
     std::string policy = "never";
     instantiation::restart_terms terms;
     bool types = false; ///< tell what could be started instead
@@ -107,6 +108,8 @@ task<> start(context& in, start_options options) {
     request.listen = options.listen;
     request.protocol = options.protocol;
     request.process = options.process;
+    request.identity = options.identity;
+    request.user = options.user;
     request.terms = options.terms;
     for (const auto& text : options.set) {
         auto [name, value] = name_and_value(text, "--set");
@@ -152,6 +155,12 @@ void declare_start(CLI::App& app, parsed_command& made) {
         ->excludes(listen);
     add_each(app, "--env", given->variables, "an environment variable that the type reads");
     add_each(app, "--role", given->roles, "a role to serve, with its priority; several are allowed", "ROLE=PRIORITY");
+    app.add_option("--identity", given->identity,
+                   "certificates of its own, by the name of their folder on the host (default: those of the host)")
+        ->type_name("NAME");
+    app.add_option("--user", given->user,
+                   "user of the host that it runs as (default: that of the instantiation server)")
+        ->type_name("NAME");
     app.add_option("--process", given->process,
                    "a process shared with other components of its program, each on a thread of its own (default: a "
                    "process of its own)")

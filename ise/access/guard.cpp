@@ -31,8 +31,10 @@ std::string deed(const request& what) {
         case action::start:
         case action::stop:
             if (what.any_path) return fmt::format("{} components on host {}", name_of(what.what), what.host);
-            return fmt::format("{} {}{} on host {}", name_of(what.what), target,
-                               what.type.empty() ? "" : fmt::format(" of type '{}'", what.type), what.host);
+            return fmt::format("{} {}{} on host {}{}{}", name_of(what.what), target,
+                               what.type.empty() ? "" : fmt::format(" of type '{}'", what.type), what.host,
+                               what.identity.empty() ? "" : fmt::format(" with the identity '{}'", what.identity),
+                               what.user.empty() ? "" : fmt::format(" as user '{}'", what.user));
         case action::look_up: return "look up names";
     }
     return {};

@@ -78,18 +78,25 @@ std::optional<std::uint32_t> found(const std::vector<role_grant>& all, const req
     return {};
 }
 
+// An identity or a user of its own is allowed by a rule that names it only.
+bool means_own(const std::optional<pattern>& of, std::string_view asked, bool allows) noexcept {
+    if (!of) return !allows || asked.empty();
+    return asked.empty() ? allows : of->matches(asked);
+}
+
 std::optional<std::uint32_t> found(const std::vector<host_grant>& all, const request& what, bool allows) noexcept {
     for (const auto& one : all) {
         if (!(what.what == action::start ? one.start : one.stop) || !one.host.matches(what.host)) continue;
         // Whether anything of the kind is allowed is asked first; a denial of some of it says nothing to that.
         if (what.any_path) {
-            if (allows || (!one.type && !one.path)) return one.line;
+            if (allows || (!one.type && !one.path && !one.identity && !one.user)) return one.line;
             continue;
         }
         if (one.type &&
             !(what.type.empty() ? one.type->text() == "*" || one.type->text() == "**" : one.type->matches(what.type)))
             continue;
         if (one.path && !any_of(what.targets, *one.path)) continue;
+        if (!means_own(one.identity, what.identity, allows) || !means_own(one.user, what.user, allows)) continue;
         return one.line;
     }
     return {};
@@ -134,8 +141,9 @@ std::string text_of(const request& what) {
         case action::role: return fmt::format("role {}={}", target, what.priority);
         case action::start:
         case action::stop:
-            return fmt::format("{} {}:{}{}{}", name_of(what.what), what.host, target, what.type.empty() ? "" : "=",
-                               what.type);
+            return fmt::format(
+                "{} {}:{}{}{}{}{}{}{}", name_of(what.what), what.host, target, what.type.empty() ? "" : "=", what.type,
+                what.identity.empty() ? "" : ",identity=", what.identity, what.user.empty() ? "" : ",user=", what.user);
         default: return fmt::format("{} {}", name_of(what.what), target);
     }
 }

@@ -42,6 +42,8 @@ struct request {
     std::string_view host;     ///< start, stop: "shore"
     std::string_view type;     ///< start, stop: of the component; empty: any of them
     std::int32_t priority = 0; ///< role
+    std::string_view identity; ///< start: of the component itself; empty: that of its host
+    std::string_view user;     ///< start: of the operating system; empty: that of the instantiation server
     bool any_path = false;     ///< start, stop, set: whether any path would be allowed
 };
 
@@ -79,6 +81,7 @@ struct host_grant {
     pattern host;
     bool start = false, stop = false;
     std::optional<pattern> type, path;
+    std::optional<pattern> identity, user; ///< without them an [[allow]] means none of its own, a [[deny]] any
     std::uint32_t line = 0;
 };
 

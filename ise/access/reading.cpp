@@ -222,11 +222,13 @@ private:
         constexpr auto example = "host = [{ host = \"shore\", do = [\"start\", \"stop\"], type = \"*-proxy\", path = "
                                  "\"atirma/shore/**\" }]";
         each_table(from, example, [&](const toml::table& one) {
-            known_keys(one, {"host", "do", "type", "path"});
+            known_keys(one, {"host", "do", "type", "path", "identity", "user"});
             host_grant grant{};
             auto host = text_in(one, "host", true);
             grant.type = text_in(one, "type", false);
             grant.path = text_in(one, "path", false);
+            grant.identity = text_in(one, "identity", false);
+            grant.user = text_in(one, "user", false);
             grant.line = line_of(one);
             const auto* what = one.get("do");
             if (!what) wrong(one, "'do' is missing: \"start\", \"stop\", or both");

@@ -123,7 +123,11 @@ private:
         keys.key("type", [&](const entry& one) { take_word(keys, one, made.type); });
         keys.key("host", [&](const entry& one) { take_word(keys, one, made.host); });
         keys.key("parameters", [&](const entry& one) { read_parameters(keys, one, made); });
-        keys.texts("listen", listen).texts("after", after).text("process", request.process);
+        keys.texts("listen", listen)
+            .texts("after", after)
+            .text("process", request.process)
+            .text("identity", request.identity)
+            .text("user", request.user);
         add_shared_keys(keys, made, of);
         keys.key("probe", [&](const entry& one) { read_probe(keys, one, request.terms, of); });
         keys.key("roles", [&](const entry& one) { read_roles(keys, one, request); });

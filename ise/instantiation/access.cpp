@@ -14,15 +14,28 @@ void check(server_context& here, const verified_peer* by, access::request what, 
     if (auto denied = policy->objection(by, what, here.self.path())) throw error(std::move(*denied));
 }
 
-} // namespace
-
-void check_access(server_context& here, const verified_peer* by, access::action what, const std::string& path,
-                  const std::string& type) {
+access::request on_host(const server_context& here, access::action what) {
     access::request wanted;
     wanted.what = what;
     wanted.host = here.self.path(); // ise/host/shore
     wanted.host.remove_prefix(wanted.host.rfind('/') + 1);
+    return wanted;
+}
+
+} // namespace
+
+void check_access(server_context& here, const verified_peer* by, access::action what, const std::string& path,
+                  const std::string& type) {
+    auto wanted = on_host(here, what);
     wanted.type = type;
+    check(here, by, wanted, path);
+}
+
+void check_start(server_context& here, const verified_peer* by, const std::string& path, const start_request& request) {
+    auto wanted = on_host(here, access::action::start);
+    wanted.type = request.type;
+    wanted.identity = request.identity;
+    wanted.user = request.user;
     check(here, by, wanted, path);
 }
 

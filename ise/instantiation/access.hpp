@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/access/policy.hpp>
 #include <ise/instantiation/server_context.hpp>
+#include <ise/instantiation/services.hpp>
 
 #include <cstdint>
 #include <map>
@@ -12,6 +13,8 @@ namespace ise::instantiation {
 /// the audit log. `type`: empty where it is not known.
 void check_access(server_context& here, const verified_peer* by, access::action what, const std::string& path,
                   const std::string& type);
+/// The same of a start as the request has it: its type, identity and user.
+void check_start(server_context& here, const verified_peer* by, const std::string& path, const start_request& request);
 /// Throws errc::access_denied where `by` may not give a component these roles with these priorities.
 void check_roles(server_context& here, const verified_peer* by, const std::map<std::string, std::int32_t>& roles);
 /// The same for a parameter of a component.

@@ -69,7 +69,7 @@ task<change_response> changes::change_to(start_request to, bool only_in_place, c
     auto one = table_.at(planned.path);
     if (!only_in_place) {
         check_access(here_, by, access::action::stop, planned.path, one->asked.type);
-        check_access(here_, by, access::action::start, planned.path, to.type);
+        check_start(here_, by, planned.path, to);
         if (to.roles != one->asked.roles) check_roles(here_, by, to.roles);
     }
     shared_.check(to.process, planned.program);

@@ -99,6 +99,8 @@ std::vector<difference> differences(const instance_info& is, const start_request
     compare(all, "endpoints", joined(is.listen), joined(wanted.listen));
     compare(all, "protocol", is.protocol, wanted.protocol);
     compare(all, "process", is.process, wanted.process);
+    compare(all, "identity", is.identity, wanted.identity);
+    compare(all, "user", is.user, wanted.user);
     compare(all, "limits", as_text(is.limits), as_text(wanted.limits));
     if (is.rebuilt) {
         difference made;

@@ -24,6 +24,8 @@ instance_info instance::text() const {
     made.deployment = asked.deployment;
     made.process = asked.process;
     made.limits = asked.limits;
+    made.identity = asked.identity;
+    made.user = asked.user;
     made.output_dropped = output->dropped();
     made.output_trouble = output->trouble();
     made.probe_trouble = probe_trouble;

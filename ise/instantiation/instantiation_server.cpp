@@ -89,9 +89,9 @@ void instantiation_server::parts::offer_services() {
         return starting.start(std::move(request), by.verified);
     });
     self.provide(services::restart, [this](restart_request request, const call_context& by) {
-        auto type = type_of(request.path);
-        check_access(here, by.verified, access::action::stop, request.path, type);
-        check_access(here, by.verified, access::action::start, request.path, type);
+        auto one = table.find(request.path);
+        check_access(here, by.verified, access::action::stop, request.path, type_of(request.path));
+        check_start(here, by.verified, request.path, one ? one->asked : start_request());
         return starting.restart(std::move(request.path));
     });
     self.provide(services::stop, [this](stop_request request, const call_context& by) {

@@ -4,6 +4,7 @@
 #include <ise/instantiation/bounded_log.hpp>
 #include <ise/instantiation/cgroup.hpp>
 #include <ise/instantiation/kept_status.hpp>
+#include <ise/instantiation/own_user.hpp>
 #include <ise/instantiation/process_table.hpp>
 
 #include <fmt/format.h>
@@ -36,8 +37,8 @@ namespace {
 using keeper_clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-const std::string cgroup_word = "cgroup:";
-constexpr int fixed_keeper_words = 6;    // behind keeper_word, before the program
+const std::string cgroup_word = "cgroup:", user_word = "user:";
+constexpr int fixed_keeper_words = 7;    // behind keeper_word, before the program
 constexpr rlim_t spare_processes = 4096; // of the same user, whatever he runs beside
 
 std::uint64_t milliseconds_since_boot() {
@@ -75,6 +76,11 @@ public:
     /// Starts the program: why it cannot; empty: it runs.
     std::string start() {
         become_a_keeper();
+        if (!order_.user.empty()) {
+            auto found = find_user(order_.user);
+            if (!found) return fmt::format("cannot start {}: {}", order_.program, found.error().message());
+            user_ = std::move(*found);
+        }
         if (use_cgroup_ && cgroup_.open(order_.limits)) cgroup_.kill(); // of a life before, whose keeper was killed
         if (order_.limits.cpus != 0 && !cgroup_.keeps_cpus())
             return "the limit of processors cannot be kept here: that takes a control group (version 2) with the "
@@ -143,19 +149,21 @@ private:
         if (pid < 0) return fmt::format("cannot start {}: {}", order_.program, std::strerror(errno));
         if (pid == 0) {
             become_the_program(me, writing.get());
-            int problem = errno;
-            [[maybe_unused]] auto told = ::write(refuse.get(), &problem, sizeof problem);
+            const std::array<int, 2> problem{errno, failed_step_};
+            [[maybe_unused]] auto told = ::write(refuse.get(), problem.data(), sizeof problem);
             ::_exit(127);
         }
         writing = file_handle();
         refuse = file_handle();
-        int problem = 0;
+        std::array<int, 2> problem{};
         ssize_t got = 0;
-        do got = ::read(why.get(), &problem, sizeof problem);
+        do got = ::read(why.get(), problem.data(), sizeof problem);
         while (got < 0 && errno == EINTR);
         if (got > 0) {
             ::waitpid(pid, nullptr, 0);
-            return fmt::format("cannot start {}: {}", order_.program, std::strerror(problem));
+            return fmt::format(
+                "cannot start {}{}: {}{}", order_.program, user_ ? fmt::format(" as user '{}'", user_->name) : "",
+                problem[1] == 0 ? "" : fmt::format("{}: ", name_of_step(problem[1])), std::strerror(problem[0]));
         }
         auto told = look_up(pid); // not reaped: the number is its own
         if (told) leader_ = told->stamp;
@@ -168,7 +176,13 @@ private:
         ::prctl(PR_SET_PDEATHSIG, SIGKILL, 0, 0, 0); // nothing runs without its keeper
         if (::getppid() != keeper_pid) ::_exit(127);
         if (cgroup_.is_open() && !cgroup_.enter()) return;
-        if (!cgroup_.keeps_pids()) bound_processes_of_user();
+        if (!cgroup_.keeps_pids()) bound_processes_of_user(user_ ? user_->id : ::geteuid());
+        if (user_) {
+            failed_step_ = become(*user_);
+            if (failed_step_ != 0) return;
+            ::prctl(PR_SET_PDEATHSIG, SIGKILL, 0, 0, 0); // it went with the user
+            if (::getppid() != keeper_pid) ::_exit(127);
+        }
         for (int one : {SIGHUP, SIGINT, SIGQUIT, SIGTERM, SIGPIPE, SIGTSTP}) ::signal(one, SIG_DFL);
         sigset_t none;
         ::sigemptyset(&none);
@@ -180,7 +194,11 @@ private:
         std::vector<std::string> variables{fmt::format("{}={}", mark_variable, order_.mark)};
         auto mine = fmt::format("{}=", keeper_variable);
         for (char** one = environ; *one; ++one)
-            if (!std::string_view(*one).starts_with(mine)) variables.emplace_back(*one);
+            if (!std::string_view(*one).starts_with(mine) && !(user_ && is_of_user(*one))) variables.emplace_back(*one);
+        if (user_)
+            for (auto own : {fmt::format("HOME={}", user_->home), fmt::format("USER={}", user_->name),
+                             fmt::format("LOGNAME={}", user_->name)})
+                variables.push_back(std::move(own));
         auto pointers = [](std::vector<std::string>& of) {
             std::vector<char*> all;
             for (auto& one : of) all.push_back(one.data());
@@ -190,11 +208,18 @@ private:
         ::execve(order_.program.c_str(), pointers(words).data(), pointers(variables).data());
     }
 
+    // Variables that would be those of the server's user.
+    static bool is_of_user(std::string_view variable) {
+        return std::ranges::any_of(
+            std::array<std::string_view, 5>{"HOME=", "USER=", "LOGNAME=", "XDG_RUNTIME_DIR=", "TMPDIR="},
+            [&](std::string_view name) { return variable.starts_with(name); });
+    }
+
     // A ceiling that holds while the tree is being stopped; root has none.
-    static void bound_processes_of_user() {
+    static void bound_processes_of_user(uid_t user) {
         rlimit now{};
-        if (::geteuid() == 0 || ::getrlimit(RLIMIT_NPROC, &now) != 0) return;
-        rlim_t wanted = threads_of_user(::getuid()) + spare_processes;
+        if (user == 0 || ::getrlimit(RLIMIT_NPROC, &now) != 0) return;
+        rlim_t wanted = threads_of_user(user) + spare_processes;
         if (now.rlim_max != RLIM_INFINITY) wanted = std::min(wanted, now.rlim_max);
         now.rlim_cur = now.rlim_max = wanted;
         ::setrlimit(RLIMIT_NPROC, &now);
@@ -292,6 +317,8 @@ private:
     }
 
     launch_order order_;
+    std::optional<os_user> user_; ///< that the program becomes
+    int failed_step_ = 0;         ///< of that, in the child
     cgroup cgroup_;
     bool use_cgroup_;
     bounded_log log_;
@@ -327,6 +354,7 @@ std::vector<std::string> keeper_words(const launch_order& what, const std::strin
                                    fmt::format("{}", limits.memory),
                                    fmt::format("{}", limits.cpus),
                                    cgroup_word + cgroup_prefix, // Boost.Process takes no empty word
+                                   user_word + what.user,
                                    what.program};
     words.insert(words.end(), what.words.begin(), what.words.end());
     return words;
@@ -345,8 +373,9 @@ std::optional<int> keep_if_asked(int count, const char* const* words) {
     order.limits.pids = word_as_number<std::uint32_t>(words[4]);
     order.limits.memory = word_as_number<std::uint64_t>(words[5]);
     order.limits.cpus = word_as_number<double>(words[6]);
-    order.program = words[8];
-    order.words.assign(words + 9, words + count);
+    order.user = words[8] + user_word.size();
+    order.program = words[9];
+    order.words.assign(words + 10, words + count);
     order.mark = mark;
     keeper made(std::move(order), words[7] + cgroup_word.size());
     auto why = made.start();

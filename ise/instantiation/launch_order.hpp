@@ -17,6 +17,7 @@ struct launch_order {
     std::uint64_t max_output_bytes = 256 << 10;                 ///< of that file, and of an older one beside it
     std::string mark;                                           ///< in its environment, and so in that of all it starts
     resource_limits limits;
+    std::string user; ///< whose process it is; empty: that of the one who starts it
 };
 
 } // namespace ise::instantiation

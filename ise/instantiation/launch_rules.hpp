@@ -15,7 +15,10 @@ struct launch_rules {
         target_hosts; ///< whom parameters may let them connect to: "gateway.example", "10.0.0.7:7411"
     std::vector<std::string> path_folders; ///< parameters of the kind `path` lie below one of these
     std::size_t max_arguments = 256;
-    bool has_certificates = false; ///< what is started gets them: tls endpoints are possible
+    bool has_certificates = false;  ///< what is started gets them: tls endpoints are possible
+    std::string identities_folder;  ///< below it lie folders with certificates of components; empty: there are none
+    std::vector<std::string> users; ///< as whom components may run, beside the server's own user
+    bool as_root = false;           ///< whether they may run as root
 
     /// Whether a component may listen there.
     result<endpoint> may_listen(const std::string& text) const;

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 #include <utility>
 
@@ -28,6 +29,11 @@ task<> launcher::launch_alone(instance_ptr one, std::uint64_t life) {
     order.variables.insert(order.variables.end(), one->plan.variables.begin(), one->plan.variables.end());
     order.mark = one->mark;
     order.limits = one->asked.limits;
+    order.user = one->asked.user;
+    if (!one->asked.identity.empty()) {
+        std::erase_if(order.variables, [](const auto& variable) { return variable.first == "ISE_TLS"; });
+        order.variables.emplace_back("ISE_TLS", here_.options.rules.identities_folder + "/" + one->asked.identity);
+    }
     one->version = here_.host.version_of(order.program);
     one->obstacle.clear();
     auto kept = state_.try_save(); // whoever comes after a crash finds the process by its mark

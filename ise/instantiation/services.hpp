@@ -78,6 +78,8 @@ struct start_request {
     /// itself.
     std::string process;
     resource_limits limits; ///< of its process, with all that it starts; the defaults where it shares one
+    std::string identity;   ///< certificates of its own, by the name of their folder there; empty: those of the server
+    std::string user;       ///< of the operating system, that it runs as; empty: that of the server
 };
 
 enum class instance_state : std::uint8_t {
@@ -113,6 +115,8 @@ struct instance_info {
     std::string output_trouble;       ///< why they still cannot; empty: they can
     std::string probe_trouble;        ///< why its health probe fails; empty: it does not, or there is none
     bool rebuilt = false;             ///< its program's file is another since it was started; told by `instances` only
+    std::string identity;             ///< as it was asked for; empty: that of the instantiation server
+    std::string user;                 ///< the same
 };
 
 enum class start_outcome : std::uint8_t {

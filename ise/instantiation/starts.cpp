@@ -30,7 +30,7 @@ task<start_response> starts::begin(start_request request, const verified_peer* b
     check_wishes(request, here_.options.rules);
     auto wanted = request;
     auto what = co_await types_.plan(std::move(wanted));
-    check_access(here_, by, access::action::start, what.path, request.type);
+    check_start(here_, by, what.path, request);
     check_roles(here_, by, request.roles);
     shared_.check(request.process, what.program);
     check_room(what.path);

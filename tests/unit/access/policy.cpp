@@ -180,6 +180,56 @@ host = [{ host = "shore", do = "stop", path = "a/keel" }]
     CHECK(ask.may_start("ise://a/ana", "shore", "a/keel", "x"));
 }
 
+TEST_CASE("access: an identity or a user of its own is given to a component only where a rule names it") {
+    auto of = read(R"(version = 1
+[[allow]]
+who = "ise://a/ana"
+host = [{ host = "shore", do = ["start", "stop"] }]
+[[allow]]
+who = "ise://a/ben"
+host = [{ host = "shore", do = "start", identity = "{xbee,gprs}", user = "atirma-*" }]
+[[allow]]
+who = "ise://a/*"
+host = [{ host = "boat", do = "start", identity = "*", user = "*" }]
+[[deny]]
+who = "**"
+host = [{ host = "boat", do = "start", user = "root" }]
+)");
+    auto may = [&](const char* who, const char* host, const char* identity, const char* user) {
+        const std::string path[] = {"a/x"};
+        request wanted;
+        wanted.what = action::start;
+        wanted.targets = path;
+        wanted.host = host;
+        wanted.type = "proxy";
+        wanted.identity = identity;
+        wanted.user = user;
+        return of->decide(who, wanted).allowed;
+    };
+    CHECK(may("ise://a/ana", "shore", "", ""));
+    CHECK_FALSE(may("ise://a/ana", "shore", "xbee", ""));
+    CHECK_FALSE(may("ise://a/ana", "shore", "", "atirma-x"));
+    CHECK(may("ise://a/ben", "shore", "", ""));
+    CHECK(may("ise://a/ben", "shore", "xbee", "atirma-x"));
+    CHECK_FALSE(may("ise://a/ben", "shore", "web", "atirma-x"));
+    CHECK_FALSE(may("ise://a/ben", "shore", "xbee", "root"));
+    CHECK(may("ise://a/ben", "boat", "web", "pi"));
+    CHECK_FALSE(may("ise://a/ben", "boat", "web", "root"));
+    // A denial of one user says nothing to whether anything may be started.
+    const std::string server[] = {"ise/host/boat"};
+    CHECK(of->decide("ise://a/ben", request_for(false, server, "ise.host.start")).allowed);
+
+    const std::string path[] = {"a/x"};
+    request named;
+    named.what = action::start;
+    named.targets = path;
+    named.host = "shore";
+    named.type = "proxy";
+    named.identity = "xbee";
+    named.user = "pi";
+    CHECK(text_of(named) == "start shore:a/x=proxy,identity=xbee,user=pi");
+}
+
 TEST_CASE("access: nobody is meant by name only") {
     asking ask{read("version = 1\n[[allow]]\nwho = \"**\"\ncall = [\"a/b:c\"]\n")};
     CHECK(ask.may_call("unix:7", "a/b", "c"));
