@@ -400,10 +400,10 @@ std::string show(const settings& set, const keys_options& given) {
     return set.json ? json_line(lines) : text;
 }
 
-using action = std::string (*)(const settings&, const keys_options&);
+using keys_action = std::string (*)(const settings&, const keys_options&);
 
 CLI::App* add_action(CLI::App& app, parsed_command& made, const std::shared_ptr<keys_options>& given, const char* name,
-                     const char* summary, action act) {
+                     const char* summary, keys_action act) {
     auto* added = app.add_subcommand(name, summary);
     added->group("Actions");
     added->callback([&made, given, act] { made.text = act(made.set, *given); });

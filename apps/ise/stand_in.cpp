@@ -30,7 +30,7 @@ struct told_service {
     std::vector<told_packet> packets;
 };
 
-constexpr std::size_t longest_file = std::size_t{16} << 20;
+constexpr std::size_t max_input_file = std::size_t{16} << 20;
 
 dynamic_contract contract_of_line(const told_service& told, const std::string& file) {
     const bool calls = told.kind == ise::name_of(service_kind::request_response);
@@ -46,7 +46,7 @@ dynamic_contract contract_of_line(const told_service& told, const std::string& f
 }
 
 dynamic_contract contract_in_file(context& in, const std::string& file, const std::string& service) {
-    auto text = in.self.env().read_file(file, longest_file);
+    auto text = in.self.env().read_file(file, max_input_file);
     if (!text) throw problem(exit_code::usage, "usage", text.error().message());
     std::vector<std::string> names;
     std::size_t number = 0;

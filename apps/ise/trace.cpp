@@ -13,7 +13,7 @@
 namespace ise::cli {
 namespace {
 
-constexpr std::size_t longest_file = std::size_t{256} << 20;
+constexpr std::size_t max_spans_file = std::size_t{256} << 20;
 
 struct trace_options {
     std::vector<std::string> files;
@@ -23,7 +23,7 @@ struct trace_options {
 task<> trace(context& in, trace_options options) {
     std::vector<traced_span> all;
     for (const auto& file : options.files) {
-        auto text = in.self.env().read_file(file, longest_file);
+        auto text = in.self.env().read_file(file, max_spans_file);
         if (!text)
             throw problem(exit_code::usage, "file", text.error().message(),
                           "name files that programs wrote with --traces FILE or ISE_TRACES");
