@@ -1,6 +1,7 @@
 #include "contender.hpp"
 
 #include <ise/core/sleep.hpp>
+#include <ise/naming/name_servers.hpp>
 #include <ise/service/session.hpp>
 
 namespace seeds {
@@ -18,8 +19,7 @@ contender::contender(stage& of, ise::environment& env, std::string path, std::ui
     self.process_key = env.identity().process_key;
     self.incarnation = env.random() | 1;
     services_.emplace(env, on, *scope_, self, ise::service_options(), ise::logger(env, "contender", {}));
-    auto server = ise::endpoint::parse(*env.variable("ISE_NAME_SERVER")).value();
-    names_.emplace(*services_, server, stage_.plan.lease);
+    names_.emplace(*services_, ise::usual_name_servers(env).value(), stage_.plan.lease);
     scope_->spawn("contends", contend());
     stage_.contenders.push_back(this);
 }
