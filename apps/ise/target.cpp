@@ -2,7 +2,6 @@
 
 #include "text.hpp"
 
-#include <ise/access/guard.hpp>
 #include <ise/naming/name_servers.hpp>
 #include <ise/service/action.hpp>
 #include <ise/service/service_host.hpp>
@@ -76,8 +75,6 @@ std::string services_there(const component_info& about) {
 }
 
 } // namespace
-
-bool has_unusable_policy(const std::string& why) { return why.find(access::unusable_policy) != why.npos; }
 
 void check_name(const std::string& name) {
     if (name.size() <= naming::max_path && naming::is_path(name)) return;

@@ -18,11 +18,6 @@ void check_prefix(const std::string& prefix);
 /// Says on standard error that nothing is registered under it, with the nearest of `known`.
 void note_nothing(const context& in, const std::string& prefix, const std::vector<std::string>& known = {});
 
-/// Whether there is no session because the other side's access policy cannot be used, and what to do then.
-bool has_unusable_policy(const std::string& why);
-inline constexpr const char* policy_advice =
-    "correct the file on its host (ise access check FILE shows what is wrong); it is read again within 5 s";
-
 /// The name server, reached; problem(not_reached) says how to start one.
 task<remote> reach_name_server(context& in);
 

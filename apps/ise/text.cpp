@@ -1,5 +1,6 @@
 #include "text.hpp"
 
+#include <ise/access/guard.hpp>
 #include <ise/core/endpoint.hpp>
 #include <ise/core/readable.hpp>
 
@@ -97,5 +98,7 @@ std::string enumerate(const std::vector<std::string>& names) {
         text += (at == 0 ? "" : at + 1 == names.size() ? " and " : ", ") + names[at];
     return text;
 }
+
+bool has_unusable_policy(const std::string& why) { return why.find(access::unusable_policy) != why.npos; }
 
 } // namespace ise::cli

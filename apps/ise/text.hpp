@@ -38,4 +38,9 @@ using ise::nearest;
 /// "a, b and c"
 std::string enumerate(const std::vector<std::string>& names);
 
+/// Whether there is no session because the other side's access policy cannot be used, and what to do then.
+bool has_unusable_policy(const std::string& why);
+inline constexpr const char* policy_advice =
+    "correct the file on its host (ise access check FILE shows what is wrong); it is read again within 5 s";
+
 } // namespace ise::cli

@@ -100,7 +100,7 @@ struct bounds {
         // The first tries are spread evenly over half a second: a fifth of them within 100 ms, and later ones are no
         // denser. Over udp each asks again after 200 and 400 ms, and once more when it has a cookie to show: three such
         // at once.
-        static_assert(ise::service_options().max_back_off == 5s);
+        REQUIRE(times.max_back_off == 5s);
         peak = (of.clients * 3 / 10 + 10) * (udp ? 3 : 1);
         // The pauses after it: 0.5 to 1 s, 1 to 2 s, 2 to 4 s, then half of the longest at least. A try over udp that
         // nobody answers lasts `connect_time` and asks five times; one that is answered asks twice, far away six times.
