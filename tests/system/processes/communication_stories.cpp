@@ -56,12 +56,12 @@ TEST_CASE(
     CHECK_THAT(refused.err, Contains("nobody holds the authority"));
     auto nobody = it.call("atirma/communication", "authority", R"({"action":"take"})");
     CHECK(nobody.exit_code != 0); // the next anonymous command is somebody else
-    CHECK_THAT(nobody.err, Contains("anonymous@local") && Contains("--as PATH"));
+    CHECK_THAT(nobody.err, Contains("anonymous@shm") && Contains("--as PATH"));
     auto taken = it.call("atirma/communication", "authority", R"({"action":"take"})", "atirma/operators/ana");
     INFO(taken.err);
     CHECK_THAT(taken.out, Contains(R"("holder":"atirma/operators/ana")"));
     auto other = it.call("atirma/communication", "telecommand", R"({"id":3,"command":{"kind":"tack_now"}})");
-    CHECK_THAT(other.err, Contains("atirma/operators/ana holds the authority") && Contains("not anonymous@local"));
+    CHECK_THAT(other.err, Contains("atirma/operators/ana holds the authority") && Contains("not anonymous@shm"));
     CHECK_THAT(it.set_mode(2, "hold").out, Contains(R"("state":"acknowledged")"));
     int id = 10;
     for (const char* victim : {"one", "two", "one"}) {

@@ -158,7 +158,8 @@ parameters = { deep = { er = 1 } }
     CHECK_THAT(text,
                Contains("the restart policy of component 'boat' is never, on-failure or always, not 'sometimes'"));
     CHECK_THAT(text, Contains("sea.toml:9:10: 'listen' of component 'boat': "));
-    CHECK_THAT(text, Contains("'protocol' of component 'boat' is one of tcp, udp, tls, udp+tls, local, not 'icmp'"));
+    CHECK_THAT(text,
+               Contains("'protocol' of component 'boat' is one of tcp, udp, tls, udp+tls, local, shm, not 'icmp'"));
     CHECK_THAT(text, Contains("sea.toml:11:9: 'grace' of component 'boat': '5 parsecs' is not a duration"));
     CHECK_THAT(text, Contains("'a b' is not a role") && Contains("the priority in the role 'good' is an integer"));
     CHECK_THAT(text, Contains("parameter 'deep' is a text, a number, true or false, or an array of them, not a table"));
