@@ -56,8 +56,8 @@ struct wait_text {
 
 /// A call that a handler of the component waits for.
 struct awaited_call_text {
-    std::string provider; ///< its path, role or address
-    std::string service;
+    std::string provider;        ///< its path, role or address
+    std::string service;         ///< that is called
     std::uint64_t id = 0;        ///< of the call, in the session with its provider
     std::string handler;         ///< the service whose handler waits
     std::string caller;          ///< of that handler's call: its path, or its address
@@ -68,7 +68,7 @@ struct awaited_call_text {
 
 /// A request that the component has not answered yet.
 struct served_call_text {
-    std::string service;
+    std::string service;  ///< that is called
     std::string caller;   ///< its path, or its address
     std::uint64_t id = 0; ///< of the call, in the session with its caller
     bool running = false; ///< a handler has begun; else the request waits for one

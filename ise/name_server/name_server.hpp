@@ -51,9 +51,11 @@ private:
     task<> run() override;
     /// What the access policy leaves of a request, and its answers for the rest.
     struct judged {
+        /// To one claim of the request.
         struct answer {
-            std::string path, against;
-            bool refused = false;
+            std::string path;     ///< that is claimed
+            std::string against;  ///< what the policy has against it; empty: nothing
+            bool refused = false; ///< by the policy
         };
         std::vector<answer> answers;
         bool all_refused = false;
