@@ -158,6 +158,7 @@ links_panel::links_panel(operator_actions& actions, QWidget* parent) : QWidget(p
     area_->setFrameShape(QFrame::NoFrame);
     area_->setHorizontalScrollBarPolicy(Qt::ScrollBarAlwaysOff);
     auto* inside = new QWidget;
+    inside->setMinimumWidth(1); // cards are as wide as the panel, also in a narrow window
     column_ = new QVBoxLayout(inside);
     column_->setContentsMargins(0, 0, 2, 0);
     column_->setSpacing(6);
