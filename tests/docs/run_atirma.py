@@ -74,14 +74,14 @@ def main():
         began = time.monotonic()
         with subprocess.Popen(["bash", "-euo", "pipefail"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=open(folder / "errors", "wb"), cwd=folder, text=True, env=env, start_new_session=True) as shell:
             try:
-                shell.stdin.write(script + "echo every command is done\nread -r stay || true\n")
+                shell.stdin.write("trap 'echo a command failed' ERR\n" + script + "echo every command is done\nread -r stay || true\n")
                 shell.stdin.flush()
                 told = []
                 for line in shell.stdout:
                     told.append(line)
-                    if line == "every command is done\n":
+                    if line in ("every command is done\n", "a command failed\n"):
                         break
-                else:
+                if told[-1:] != ["every command is done\n"]:  # the servers hold the pipe open: its end says nothing
                     raise Failed(f"a command failed:\n{''.join(told)}\n{(folder / 'errors').read_text()}")
                 print(f"{len(commands)} commands, {time.monotonic() - began:.1f} s")
                 look(folder, env, names, page)
