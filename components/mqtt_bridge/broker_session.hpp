@@ -38,7 +38,7 @@ struct broker_options {
     message will;                                      ///< published by the broker when the session ends
 };
 
-/// What a session reports, on the component's loop. A callback must not destroy the session.
+/// Callbacks of a session, on the component's loop. None may destroy the session.
 struct session_events {
     std::function<void(message)> received;
     /// The broker has confirmed a message, or refused it: why, and whether to try the same one again later.

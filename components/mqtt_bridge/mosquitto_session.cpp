@@ -92,7 +92,7 @@ bool is_temporary(int reason) noexcept {
 }
 
 class mosquitto_session final : public broker_session {
-    /// What asynchronous operations of Asio hold on to weakly.
+    /// Completion handlers of Asio hold a weak reference to it.
     struct watch {
         watch(const asio::any_io_executor& on, int socket) : descriptor(on, socket) {}
         asio::posix::stream_descriptor descriptor; // a duplicate: libmosquitto closes its own

@@ -283,7 +283,7 @@ struct mqtt_bridge::state : std::enable_shared_from_this<state> {
         components.erase(found);
     }
 
-    // Who uses a service of the bridge says what its packets are.
+    // The types of its packets are those of a component that uses the service.
     void take_inlet(const std::string& path, const service_text& service) {
         if (!is_one_of(options.publish, service.name) ||
             service.kind != static_cast<std::uint8_t>(service_kind::subscription))
@@ -399,7 +399,7 @@ struct mqtt_bridge::state : std::enable_shared_from_this<state> {
         here = std::move(one);
     }
 
-    // What a packet has beside its fields: as properties, or around it where the protocol has none.
+    // Metadata of a packet: user properties, or an envelope in MQTT 3.1.1, which has none.
     message packet_message(const queued_message& what, time_point came, bool sent_before, bool from_disk) {
         message made;
         made.topic = what.topic;

@@ -18,7 +18,7 @@
 
 namespace ise::mqtt {
 
-/// What goes out to the broker and what comes in. By default nothing comes in.
+/// Options of a bridge. By default it sends, and accepts neither packets nor calls.
 struct bridge_options : service_selection {
     broker_options broker;      ///< `client_id` and `will` are set by the bridge where they are empty
     std::string prefix = "ise"; ///< of all topics

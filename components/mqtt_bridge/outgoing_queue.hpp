@@ -34,8 +34,8 @@ struct queue_limits {
 /// loop; `store` and `next` block while the disk works.
 class outgoing_queue {
 public:
-    /// What an earlier life left in a database that was opened with `bridge_schema`, which must outlive it. Errors:
-    /// those of the database.
+    /// Opens the queue that an earlier process left in `db`, which was opened with `bridge_schema` and must outlive
+    /// it. Errors: those of the database.
     static result<outgoing_queue> open(atirma::database& db, queue_limits limits = queue_limits());
 
     struct entry {

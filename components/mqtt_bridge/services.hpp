@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-/// What the bridge provides to ISE.
+/// The services of the bridge itself.
 namespace ise::mqtt {
 
 /// Asks for `bridge_status`.

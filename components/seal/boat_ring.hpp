@@ -8,7 +8,7 @@
 
 namespace atirma::seal {
 
-/// What the boat keeps of its keys.
+/// The keys that the boat stores.
 struct boat_keys {
     radio_key now;                 ///< of no link
     std::optional<radio_key> next; ///< accepted, and not used yet: then it takes the place of `now`

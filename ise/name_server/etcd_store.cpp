@@ -220,6 +220,13 @@ task<result<std::unique_ptr<etcd_store::line>>> etcd_store::dial(time_point dead
     co_return std::make_unique<line>(on_, std::move(*made));
 }
 
+std::string etcd_store::request_text(std::string_view target, const std::string& body, std::string_view more) const {
+    return fmt::format("POST /v3/{} HTTP/1.1\r\nHost: etcd\r\nContent-Type: application/json\r\n{}{}"
+                       "Content-Length: {}\r\n\r\n{}",
+                       target, more, token_.empty() ? "" : fmt::format("Authorization: {}\r\n", token_), body.size(),
+                       body);
+}
+
 task<result<std::string>> etcd_store::post_once(std::string target, std::string body, duration within) {
     auto deadline = saturating_add(on_.now(), within);
     const auto member = member_;
@@ -236,10 +243,7 @@ task<result<std::string>> etcd_store::post_once(std::string target, std::string 
         over = std::move(*made);
     }
     over->until(deadline);
-    auto text =
-        fmt::format("POST /v3/{} HTTP/1.1\r\nHost: etcd\r\nContent-Type: application/json\r\n{}"
-                    "Content-Length: {}\r\n\r\n{}",
-                    target, token_.empty() ? "" : fmt::format("Authorization: {}\r\n", token_), body.size(), body);
+    auto text = request_text(target, body);
     auto sent = co_await over->send(std::move(text));
     std::optional<failure> why;
     int status = 0;
@@ -458,10 +462,7 @@ task<failure> etcd_store::follow(std::uint64_t revision,
     question["create_request"]["key"] = coded(options_.prefix);
     question["create_request"]["range_end"] = coded(behind(options_.prefix));
     question["create_request"]["start_revision"] = std::to_string(revision + 1);
-    auto body = question.dump();
-    auto text = fmt::format("POST /v3/watch HTTP/1.1\r\nHost: etcd\r\nContent-Type: application/json\r\n"
-                            "Grpc-Metadata-hasleader: true\r\n{}Content-Length: {}\r\n\r\n{}",
-                            token_.empty() ? "" : fmt::format("Authorization: {}\r\n", token_), body.size(), body);
+    auto text = request_text("watch", question.dump(), "Grpc-Metadata-hasleader: true\r\n");
     auto sent = co_await over->send(std::move(text));
     if (!sent) co_return sent.error();
     auto head = co_await over->head();

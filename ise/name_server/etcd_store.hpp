@@ -46,6 +46,8 @@ private:
     task<result<std::unique_ptr<line>>> dial(time_point deadline);
     /// The answer's JSON. Tries the next member the next time after a failure. Cancellation: terminal.
     task<result<std::string>> post(std::string target, std::string body, duration within = patience);
+    /// `more`: further lines of its head.
+    std::string request_text(std::string_view target, const std::string& body, std::string_view more = {}) const;
     task<result<std::string>> post_once(std::string target, std::string body, duration within);
     task<result<void>> log_in();
     void pass_over(std::size_t member);

@@ -116,20 +116,15 @@ task<result<void>> shared_names::read_all() {
     std::set<std::string, std::less<>> there;
     for (const auto& one : all->entries) there.insert(one.key);
     std::vector<store_change> changes;
-    for (const auto& [path, one] : known_)
-        if (!there.contains(key_of_name(path))) {
-            store_change gone;
-            gone.gone = true;
-            gone.entry.key = key_of_name(path);
-            changes.push_back(std::move(gone));
-        }
-    for (const auto& [key, one] : nodes_)
-        if (!there.contains(key_of_node(key))) {
-            store_change gone;
-            gone.gone = true;
-            gone.entry.key = key_of_node(key);
-            changes.push_back(std::move(gone));
-        }
+    auto note_gone = [&](std::string key) {
+        if (there.contains(key)) return;
+        store_change gone;
+        gone.gone = true;
+        gone.entry.key = std::move(key);
+        changes.push_back(std::move(gone));
+    };
+    for (const auto& [path, one] : known_) note_gone(key_of_name(path));
+    for (const auto& [key, one] : nodes_) note_gone(key_of_node(key));
     // Nodes first: names refer to them.
     std::ranges::stable_partition(all->entries, [](const auto& one) { return one.key.starts_with(node_prefix); });
     for (auto& one : all->entries) {

@@ -167,12 +167,16 @@ void socket_stream::close() {
     writable_.resume({asio::error::operation_aborted});
 }
 
-// Of a local socket the system knows whose process made it.
-void socket_stream::add_verified(verified_peer& to) const {
+std::optional<ucred> credentials_of_peer(int socket) noexcept {
     ucred made{};
     socklen_t size = sizeof made;
-    if (family_of(fd()) != AF_UNIX) return;
-    if (::getsockopt(fd(), SOL_SOCKET, SO_PEERCRED, &made, &size) == 0 && size == sizeof made) to.user = made.uid;
+    if (family_of(socket) != AF_UNIX) return std::nullopt; // others have an answer without meaning
+    if (::getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &made, &size) != 0 || size != sizeof made) return std::nullopt;
+    return made;
+}
+
+void socket_stream::add_verified(verified_peer& to) const {
+    if (auto peer = credentials_of_peer(fd())) to.user = peer->uid;
 }
 
 std::optional<endpoint> socket_stream::local() const {

@@ -7,10 +7,14 @@
 #include <sys/socket.h>
 
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <vector>
 
 namespace ise::real {
+
+/// The process that made the other end of a local socket, as the system knows it; nothing of other sockets.
+std::optional<ucred> credentials_of_peer(int socket) noexcept;
 
 /// A connected stream socket, tcp or local.
 class socket_stream final : public stream, public verified_stream, private descriptor {

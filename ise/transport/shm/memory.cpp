@@ -1,5 +1,7 @@
 #include <ise/transport/shm/memory.hpp>
 
+#include <ise/core/real/socket_stream.hpp>
+
 #include <fmt/format.h>
 
 #include <bit>
@@ -149,11 +151,9 @@ result<descriptors> take_descriptors(std::span<owned_fd> passed) {
 }
 
 bool is_kindred(int socket) noexcept {
-    ucred peer{};
-    socklen_t size = sizeof peer;
-    if (::getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0 || size != sizeof peer) return false;
-    if (peer.pid <= 0 || peer.uid != ::geteuid()) return false;
-    return peer.pid == ::getpid() || (same_namespace(peer.pid, "pid") && same_namespace(peer.pid, "user"));
+    auto peer = real::credentials_of_peer(socket);
+    if (!peer || peer->pid <= 0 || peer->uid != ::geteuid()) return false;
+    return peer->pid == ::getpid() || (same_namespace(peer->pid, "pid") && same_namespace(peer->pid, "user"));
 }
 
 bool send_with(int socket, std::span<const std::byte> bytes, const descriptors& passed) noexcept {

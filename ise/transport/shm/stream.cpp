@@ -1,5 +1,6 @@
 #include <ise/transport/shm/stream.hpp>
 
+#include <ise/core/real/socket_stream.hpp>
 #include <ise/core/verified_peer.hpp>
 #include <ise/core/waiter.hpp>
 
@@ -30,32 +31,42 @@ std::error_code broken_rings() {
 
 class shared_stream;
 
-// The local socket: after the agreement nothing comes over it but its end.
-class lifeline final : public real::descriptor {
+// Watched for reading as long as the stream is open.
+class watched_descriptor : public real::descriptor {
 public:
-    lifeline(loop& on, owned_fd socket, shared_stream& of) noexcept : descriptor(on, std::move(socket)), of_(of) {}
-    std::error_code begin();
+    std::error_code begin() {
+        auto problem = watch();
+        if (!problem) want_read();
+        return problem;
+    }
     void close() noexcept { close_descriptor(); }
+
+protected:
+    watched_descriptor(loop& on, owned_fd fd, shared_stream& of) noexcept : descriptor(on, std::move(fd)), of_(of) {}
+    ~watched_descriptor() { close(); }
+
+    shared_stream& of_;
+
+private:
+    void on_writable() override {}
+};
+
+// The local socket: after the agreement nothing comes over it but its end.
+class lifeline final : public watched_descriptor {
+public:
+    lifeline(loop& on, owned_fd socket, shared_stream& of) noexcept : watched_descriptor(on, std::move(socket), of) {}
 
 private:
     void on_readable() override;
-    void on_writable() override {}
-
-    shared_stream& of_;
 };
 
 // Rung by the peer, for either ring.
-class doorbell final : public real::descriptor {
+class doorbell final : public watched_descriptor {
 public:
-    doorbell(loop& on, owned_fd bell, shared_stream& of) noexcept : descriptor(on, std::move(bell)), of_(of) {}
-    std::error_code begin();
-    void close() noexcept { close_descriptor(); }
+    doorbell(loop& on, owned_fd bell, shared_stream& of) noexcept : watched_descriptor(on, std::move(bell), of) {}
 
 private:
     void on_readable() override;
-    void on_writable() override {}
-
-    shared_stream& of_;
 };
 
 class shared_stream final : public stream, public verified_stream, private unannounced {
@@ -120,12 +131,6 @@ private:
     std::atomic<bool> gone_{false}; // the peer; signs of life look at it from another thread
 };
 
-std::error_code lifeline::begin() {
-    auto problem = watch();
-    if (!problem) want_read();
-    return problem;
-}
-
 // A byte is as good as the end: nobody who keeps to the agreement sends one.
 void lifeline::on_readable() {
     std::byte one{};
@@ -133,12 +138,6 @@ void lifeline::on_readable() {
     found_nothing();
     if (count < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)) return want_read();
     of_.on_gone();
-}
-
-std::error_code doorbell::begin() {
-    auto problem = watch();
-    if (!problem) want_read();
-    return problem;
 }
 
 // Where each ring is told it need not be read.
@@ -152,10 +151,8 @@ void doorbell::on_readable() {
 }
 
 std::optional<std::uint32_t> shared_stream::user_of(int socket) noexcept {
-    ucred made{};
-    socklen_t size = sizeof made;
-    if (::getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &made, &size) != 0 || size != sizeof made) return std::nullopt;
-    return made.uid;
+    auto peer = real::credentials_of_peer(socket);
+    return peer ? std::optional<std::uint32_t>(peer->uid) : std::nullopt;
 }
 
 // The coroutine touches nothing of the stream after it has waited: that may be gone by then.
