@@ -69,8 +69,8 @@ void add_components(CLI::App& run, std::vector<hosted>& into, std::vector<ise::c
                     if (!set) throw CLI::ValidationError("--" + name, set.error().message());
                 }
             auto taken = one->type.parameters.set_from([](const std::string& name) -> std::optional<std::string> {
-                const char* told = std::getenv(name.c_str());
-                return told ? std::optional<std::string>(told) : std::nullopt;
+                const char* result = std::getenv(name.c_str());
+                return result ? std::optional<std::string>(result) : std::nullopt;
             });
             if (!taken) throw CLI::ValidationError(one->type.about.name, taken.error().message());
             one->made.parameters = one->type.live();

@@ -178,11 +178,11 @@ ise::task<std::string> observer::read_stream(ise::endpoint from) {
         auto got = co_await line.read_some(asio::buffer(buffer));
         text.append(buffer.data(), got.bytes);
         for (std::size_t end; (end = text.find('\n')) != std::string::npos; text.erase(0, end + 1)) {
-            std::string_view told(text.data(), end);
-            if (told.starts_with("event: ")) event = told.substr(7);
+            std::string_view output(text.data(), end);
+            if (output.starts_with("event: ")) event = output.substr(7);
             // What came by telemetry, not that the server lives.
-            if (told.starts_with("data: ") && event.starts_with("update") &&
-                told.find("\"position\"") != std::string_view::npos)
+            if (output.starts_with("data: ") && event.starts_with("update") &&
+                output.find("\"position\"") != std::string_view::npos)
                 ++seen_->page_updates;
         }
         if (text.size() > max_line) co_return "the page's event stream is malformed";

@@ -66,10 +66,10 @@ void command_button::fill_menu() {
     }
     if (seen_.state.since != utc_time()) {
         to->addSeparator();
-        auto* told = to->addAction(
+        auto* result = to->addAction(
             tr("%1 UTC: %2")
                 .arg(console::text(iso_time(seen_.state.since).substr(11, 5)), console::text(seen_.state.how)));
-        told->setEnabled(false);
+        result->setEnabled(false);
     }
 }
 

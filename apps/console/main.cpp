@@ -163,11 +163,11 @@ int run(const arguments& given, int count, char** words) {
         window.show();
         for (int sign : {SIGINT, SIGTERM}) std::signal(sign, [](int) { asked_to_end = 1; });
         QTimer watching;
-        bool told = false;
+        bool reported = false;
         QObject::connect(&watching, &QTimer::timeout, &window, [&] {
             if (asked_to_end) QApplication::quit(); // closes the window first, which saves its settings
-            if (told || !node.all_stopped()) return;
-            told = true;
+            if (reported || !node.all_stopped()) return;
+            reported = true;
             for (const auto& report : node.reports())
                 window.say("The connection has ended: " + QString::fromStdString(report.failure));
         });

@@ -188,23 +188,23 @@ void mission_panel::fill_state() {
         return QStringLiteral("<span style='color:%1'>●</span> ").arg(colour.name());
     };
     bool known = seen_ && seen_->mission.complete;
-    QString words, told;
+    QString words, tooltip;
     if (!known) {
         words = dot(t.ink3) + tr("The boat's list is not known yet");
     } else {
         auto age = text(age_text(age_s(now_, *seen_->mission.told_at)));
-        told = tr("the boat reported its list of %1: %2")
-                   .arg(seen_->mission.points.size())
-                   .arg(age == "now" ? age : tr("%1 ago").arg(age));
+        tooltip = tr("the boat reported its list of %1: %2")
+                      .arg(seen_->mission.points.size())
+                      .arg(age == "now" ? age : tr("%1 ago").arg(age));
         bool equal = same(seen_->mission.points, draft_.points());
         words = equal
                     ? dot(t.good) + tr("As on the boat")
                     : dot(t.warn) +
                           tr("Edited here: %1").arg(text(describe_differences(seen_->mission.points, draft_.points())));
-        words += QStringLiteral(" <span style='color:%1'>· %2</span>").arg(t.ink3.name(), told);
+        words += QStringLiteral(" <span style='color:%1'>· %2</span>").arg(t.ink3.name(), tooltip);
     }
     state_->setText(words);
-    state_->setToolTip(told);
+    state_->setToolTip(tooltip);
     int chosen = draft_.selected(), many = static_cast<int>(draft_.points().size());
     bool runs = seen_ && is_running(seen_->upload.phase);
     remove_->setEnabled(chosen >= 0 && chosen < many);

@@ -73,9 +73,9 @@ void packet_list::inspect() {
     if (place >= shown_->size()) return;
     const auto& one = *(*shown_)[shown_->size() - 1 - place];
     chosen_ = one.number;
-    auto told = describe(one.packet);
-    QString all = text(told.kind) + tr("   by %1\n\n").arg(text(one.path));
-    for (const auto& field : told.fields) all += text(field.name).leftJustified(24) + text(field.value) + '\n';
+    auto info = describe(one.packet);
+    QString all = text(info.kind) + tr("   by %1\n\n").arg(text(one.path));
+    for (const auto& field : info.fields) all += text(field.name).leftJustified(24) + text(field.value) + '\n';
     details_->setPlainText(all + '\n' + text(hex_dump(one.packet.raw)));
 }
 

@@ -101,9 +101,9 @@ int run(const settings& wanted) {
     if (wanted.name_server.empty()) {
         options.name_servers = ise::usual_name_servers(env).value();
     } else {
-        auto told = ise::parse_name_servers(wanted.name_server);
-        if (!told) throw CLI::ValidationError("--name-server", told.error().message());
-        options.name_servers = std::move(*told);
+        auto parsed = ise::parse_name_servers(wanted.name_server);
+        if (!parsed) throw CLI::ValidationError("--name-server", parsed.error().message());
+        options.name_servers = std::move(*parsed);
     }
     options.variables = variables_for_components();
     auto security = security_of(wanted.security, env);

@@ -120,7 +120,7 @@ std::vector<access::remark> missing(const access::policy& of, const std::vector<
                 std::vector<std::string> titles{one.about->path};
                 for (const auto& [role, priority] : one.about->roles) titles.push_back(role);
                 bool here = std::ranges::any_of(titles, [&](const auto& title) { return target.path.matches(title); });
-                return here && std::ranges::any_of(one.about->services, [&](const service_text& service) {
+                return here && std::ranges::any_of(one.about->services, [&](const service_info& service) {
                            return service.provided && service.kind == static_cast<std::uint8_t>(kind) &&
                                   target.item.matches(service.name);
                        });
@@ -141,9 +141,9 @@ std::vector<access::remark> missing(const access::policy& of, const std::vector<
 std::string as_text(const settings& set, const access::policy& of, std::vector<access::remark> remarks) {
     std::ranges::stable_sort(remarks, {}, &access::remark::line);
     if (set.json) {
-        checked_policy told{of.file(), of.hash(), of.system(), of.rules().size(), {}};
-        for (auto& one : remarks) told.remarks.push_back({of.file(), one.line, one.column, std::move(one.text)});
-        return json_line(told);
+        checked_policy result{of.file(), of.hash(), of.system(), of.rules().size(), {}};
+        for (auto& one : remarks) result.remarks.push_back({of.file(), one.line, one.column, std::move(one.text)});
+        return json_line(result);
     }
     std::string text;
     for (const auto& one : remarks) text += fmt::format("{}:{}: {}\n", of.file(), one.line, one.text);
@@ -259,14 +259,14 @@ std::string why(const settings& set, const access_options& options) {
     auto wanted = read_request(options);
     const auto& who = options.words[0];
     auto said = policy->decide(who == "nobody" ? "" : who, wanted->request);
-    verdict_line told{who, fmt::format("{} {}", options.words[1], options.words[2]), said.allowed, {}, {}};
-    if (said.line != 0) told.rule = fmt::format("{}:{}", file, said.line);
-    told.reason = said.allowed ? "allowed" : said.denied ? "denied by that rule" : "no rule allows it";
-    if (set.json) return json_line(told);
-    return fmt::format("{}: {}{}\n", said.allowed ? "allowed" : "denied", told.rule.empty() ? "" : told.rule + ": ",
-                       said.allowed  ? fmt::format("{} may {}", who, told.what)
-                       : said.denied ? fmt::format("{} may not {}", who, told.what)
-                                     : fmt::format("no rule of {} lets {} {}", file, who, told.what));
+    verdict_line result{who, fmt::format("{} {}", options.words[1], options.words[2]), said.allowed, {}, {}};
+    if (said.line != 0) result.rule = fmt::format("{}:{}", file, said.line);
+    result.reason = said.allowed ? "allowed" : said.denied ? "denied by that rule" : "no rule allows it";
+    if (set.json) return json_line(result);
+    return fmt::format("{}: {}{}\n", said.allowed ? "allowed" : "denied", result.rule.empty() ? "" : result.rule + ": ",
+                       said.allowed  ? fmt::format("{} may {}", who, result.what)
+                       : said.denied ? fmt::format("{} may not {}", who, result.what)
+                                     : fmt::format("no rule of {} lets {} {}", file, who, result.what));
 }
 
 // --- list ---------------------------------------------------------------------------------------------------------
@@ -280,17 +280,17 @@ task<> ask_policy(context in, std::string path, std::shared_ptr<std::vector<poli
         if (path == naming::server_path) who = co_await reach_name_server(in);
         else who = co_await reach(in, path);
         access_request question;
-        auto told = co_await who.try_call(access_service, question, in.left());
-        if (told) {
-            made.file = told->file;
-            made.hash = told->hash;
-            made.read_at = show_wall(told->read_at);
-            made.identity = told->who;
-            made.problem = told->problem;
-        } else if (told.error().code() == errc::no_such_service) {
+        auto response = co_await who.try_call(access_service, question, in.left());
+        if (response) {
+            made.file = response->file;
+            made.hash = response->hash;
+            made.read_at = show_wall(response->read_at);
+            made.identity = response->who;
+            made.problem = response->problem;
+        } else if (response.error().code() == errc::no_such_service) {
             made.problem = "it has no access policy: everything is allowed there";
         } else {
-            made.problem = told.error().message();
+            made.problem = response.error().message();
         }
     } catch (const problem& why) {
         made.problem = why.what();

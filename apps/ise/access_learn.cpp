@@ -106,14 +106,15 @@ task<> learn_access(context& in, learn_options options) {
     }
     std::set<std::string> identities;
     for (const auto& [one, sources] : outcome.needed) identities.insert(one.who);
-    learned_answer told{options.out, {}, seen.looks(), failed, seen.components(), identities.size(), outcome.unknown};
+    learned_answer result{options.out, {}, seen.looks(), failed, seen.components(), identities.size(), outcome.unknown};
     std::string shown = text;
     if (in.set.json) {
-        if (options.out.empty()) told.policy = std::move(text);
-        shown = json_line(told);
+        if (options.out.empty()) result.policy = std::move(text);
+        shown = json_line(result);
     } else if (!options.out.empty()) {
-        shown = fmt::format("{}: {} rule{}, from {} looks at {} component{}\n", printable(options.out), told.rules,
-                            told.rules == 1 ? "" : "s", told.looks, told.components, told.components == 1 ? "" : "s");
+        shown = fmt::format("{}: {} rule{}, from {} looks at {} component{}\n", printable(options.out), result.rules,
+                            result.rules == 1 ? "" : "s", result.looks, result.components,
+                            result.components == 1 ? "" : "s");
     }
     co_await in.out.write(in.self, std::move(shown));
     if (!outcome.unknown.empty())

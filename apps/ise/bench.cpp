@@ -62,13 +62,13 @@ task<std::optional<failure>> call_once(const target_call& what, duration limit) 
     auto who = what.who;
     if (!what.service) {
         health_request question;
-        auto told = co_await who.try_call(health_service, question, limit);
-        if (!told) co_return told.error();
+        auto response = co_await who.try_call(health_service, question, limit);
+        if (!response) co_return response.error();
         co_return std::nullopt;
     }
     auto request = *what.request;
-    auto told = co_await call_dynamic(std::move(who), *what.service, std::move(request), limit);
-    if (!told) co_return told.error();
+    auto response = co_await call_dynamic(std::move(who), *what.service, std::move(request), limit);
+    if (!response) co_return response.error();
     co_return std::nullopt;
 }
 

@@ -24,7 +24,7 @@ struct handler_key {
 };
 
 struct wait_of_handler {
-    const awaited_call_text* call = nullptr;
+    const awaited_call_info* call = nullptr;
     const surveyed* provider = nullptr; // null: none that is known, so it may go on
     std::vector<handler_key> needs;     // the handler that runs the call; where it waits for one, all that run
     bool queued = false;
@@ -43,16 +43,16 @@ public:
     std::vector<finding> cycles() {
         drop_those_that_go_on();
         std::vector<finding> found;
-        std::set<handler_key> told;
+        std::set<handler_key> result;
         for (const auto& [handler, calls] : waits_) {
             std::vector<handler_key> way;
             auto at = handler;
-            while (!told.contains(at) && std::ranges::find(way, at) == way.end()) {
+            while (!result.contains(at) && std::ranges::find(way, at) == way.end()) {
                 way.push_back(at);
                 at = next_of(at)->needs.front();
             }
-            const bool known = told.contains(at);
-            told.insert(way.begin(), way.end());
+            const bool known = result.contains(at);
+            result.insert(way.begin(), way.end());
             if (known) continue;
             way.erase(way.begin(), std::ranges::find(way, at)); // what only leads there
             found.push_back(told_as_finding(way));
@@ -61,11 +61,11 @@ public:
     }
 
 private:
-    static wait_of_handler wait_for(const surveyed& from, const awaited_call_text& call,
+    static wait_of_handler wait_for(const surveyed& from, const awaited_call_info& call,
                                     const std::vector<surveyed>& all) {
         wait_of_handler made;
         made.call = &call;
-        const served_call_text* request = nullptr;
+        const served_call_info* request = nullptr;
         for (const auto& one : all) {
             if (!one.about) continue;
             for (const auto& served : one.about->served) {

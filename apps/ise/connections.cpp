@@ -7,7 +7,7 @@
 namespace ise::cli {
 namespace {
 
-void add(connection_line& to, const session_text& session, const session_peer& peer) {
+void add(connection_line& to, const session_info& session, const session_peer& peer) {
     if (to.address.empty()) to.address = peer.address;
     auto over = peer.over();
     if (to.over.empty()) to.over = over;
@@ -19,7 +19,7 @@ void add(connection_line& to, const session_text& session, const session_peer& p
     to.stalled = to.stalled || session.peer_stalled;
 }
 
-void add_services(connection_line& to, const session_text& session, bool a_provides) {
+void add_services(connection_line& to, const session_info& session, bool a_provides) {
     for (const auto& name : session.uses) {
         auto same = [&](const service_use& one) { return one.service == name && one.a_provides == a_provides; };
         if (!is_own_service(name) && std::ranges::none_of(to.services, same)) to.services.push_back({name, a_provides});

@@ -64,9 +64,9 @@ deployment::reading read_what_there_is(environment& env, const deployment_option
 }
 
 deployment::deployment read_file(context& in, const deployment_options& options) {
-    auto told = read_what_there_is(in, options);
-    refuse(options.file, told.problems);
-    return std::move(told.made);
+    auto parsed = read_what_there_is(in, options);
+    refuse(options.file, parsed.problems);
+    return std::move(parsed.made);
 }
 
 void refuse(const std::string& file, const std::vector<deployment::problem>& problems) {
@@ -86,17 +86,17 @@ task<fleet> ask_hosts(context& in, const deployment::deployment& of, bool settle
         fleet made;
         auto there = co_await hosts_there(in, "");
         for (auto& host : there) {
-            auto told = co_await ask_host(in, host);
-            if (told) {
-                made.hosts.push_back(std::move(*told));
+            auto response = co_await ask_host(in, host);
+            if (response) {
+                made.hosts.push_back(std::move(*response));
                 made.servers.emplace(host.name, host.server);
             } else if (used.contains(host.name)) {
                 throw problem(
-                    failure(told.error().code(), fmt::format("the instantiation server {} does not answer: {}",
-                                                             host.name, told.error().message())));
+                    failure(response.error().code(), fmt::format("the instantiation server {} does not answer: {}",
+                                                                 host.name, response.error().message())));
             } else {
                 note(in.set, fmt::format("{} does not answer, and what runs there is not known: {}", host.name,
-                                         told.error().message()));
+                                         response.error().message()));
             }
         }
         bool wait = settled && unsettled(of, made.hosts) && in.self.now() < until;
@@ -114,15 +114,15 @@ task<> check_starts(context& in, const deployment::deployment& wanted, fleet& of
         std::vector<std::string> paths;
         for (const auto& one : request.wanted) paths.push_back(one.path);
         auto server = of.servers.at(host.server);
-        auto told = co_await server.try_call(instantiation::services::check, std::move(request),
-                                             std::min(in.left(), max_check));
-        if (!told)
+        auto response = co_await server.try_call(instantiation::services::check, std::move(request),
+                                                 std::min(in.left(), max_check));
+        if (!response)
             throw problem(
-                failure(told.error().code(),
+                failure(response.error().code(),
                         fmt::format("the instantiation server {} does not say whether this can be started: {}",
-                                    host.server, told.error().message())));
-        for (std::size_t at = 0; at < std::min(paths.size(), told->checked.size()); ++at)
-            host.checked[paths[at]] = std::move(told->checked[at]);
+                                    host.server, response.error().message())));
+        for (std::size_t at = 0; at < std::min(paths.size(), response->checked.size()); ++at)
+            host.checked[paths[at]] = std::move(response->checked[at]);
     }
 }
 

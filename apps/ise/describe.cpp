@@ -68,23 +68,23 @@ struct description {
     std::vector<described_service> services;
     std::vector<described_session> sessions;
     std::uint64_t calls_served = 0, packets_published = 0, packets_dropped = 0;
-    std::vector<ended_subscription_text> ended_subscriptions;
+    std::vector<ended_subscription_info> ended_subscriptions;
     std::vector<described_wait> waits;
 };
 
 std::string hex(std::uint64_t number) { return fmt::format("{:016x}", number); }
 
-service_kind kind_of(const service_text& one) {
+service_kind kind_of(const service_info& one) {
     return one.kind == 0 ? service_kind::request_response : service_kind::subscription;
 }
 
 // An action is a subscription, and means more to people.
-std::string_view kind_name(const service_text& one) {
+std::string_view kind_name(const service_info& one) {
     auto contract = contract_of(one);
     return contract && is_action(*contract->types()) ? "action" : ise::name_of(kind_of(one));
 }
 
-described_service describe_one(const service_text& one) {
+described_service describe_one(const service_info& one) {
     described_service made{one.name, kind_name(one), one.provided, {}, one.declared};
     for (std::size_t place = 0; place < one.packets.size(); ++place)
         made.packets.push_back(
@@ -125,7 +125,7 @@ description description_of(const component_info& about, const std::string& name,
     return made;
 }
 
-std::string service_page(const service_text& one, const std::string& name) {
+std::string service_page(const service_info& one, const std::string& name) {
     auto kind = kind_of(one);
     auto page = fmt::format("\n{}  ({})\n", printable(one.name), kind_name(one));
     auto contract = contract_of(one);

@@ -91,10 +91,10 @@ task<std::vector<finding>> examine_lost_servers(context& in) {
     auto names = co_await reach_name_server(in);
     naming::lost_request question;
     question.prefix = instantiation::hosts_path;
-    auto told = co_await names.try_call(naming::lost, std::move(question), in.left());
+    auto response = co_await names.try_call(naming::lost, std::move(question), in.left());
     std::vector<finding> found;
-    if (!told) co_return found; // an older one does not know
-    for (const auto& one : told->names) {
+    if (!response) co_return found; // an older one does not know
+    for (const auto& one : response->names) {
         auto host = one.path.substr(one.path.rfind('/') + 1);
         finding lost;
         lost.kind = "server_lost";
@@ -115,8 +115,8 @@ task<> conclude(context& in, std::vector<finding> found, std::vector<surveyed> a
         std::ranges::count_if(found, [](const finding& one) { return one.severity != severity_level::note; }));
     std::string text;
     if (in.set.json) {
-        diagnosis told{bad == 0, show_wall(in.self.wall()), all.size(), std::move(found)};
-        text = json_line(told);
+        diagnosis result{bad == 0, show_wall(in.self.wall()), all.size(), std::move(found)};
+        text = json_line(result);
     } else {
         text = as_text(found);
         if (bad == 0) text += all.empty() ? "nothing is wrong: no component is registered\n" : "nothing is wrong\n";

@@ -135,7 +135,7 @@ task<> follow(context& in, echo_options options, shared_medley into, packet_sour
         note(in.set, fmt::format("'{}' of {}: {}", from.service, from.component, stream.cause().message()));
 }
 
-bool is_meant(const echo_options& options, const service_text& one, const dynamic_contract& contract) {
+bool is_meant(const echo_options& options, const service_info& one, const dynamic_contract& contract) {
     if (!one.provided || is_own_service(one.name) || !matches(options.what.service, one.name)) return false;
     // To subscribe by surprise could start something.
     if (is_action(*contract.types())) return false;

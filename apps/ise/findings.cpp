@@ -54,8 +54,8 @@ public:
         subscriptions(*one.about);
         waits(*one.about);
         if (!one.health) return;
-        for (const auto& told : one.health->cautions)
-            add(severity_level::warning, "caution", told.message, told.advice);
+        for (const auto& report : one.health->cautions)
+            add(severity_level::warning, "caution", report.message, report.advice);
         clock(one);
         traffic(*one.health, one.about->packets_dropped);
     }
@@ -266,7 +266,7 @@ private:
     std::vector<finding> found_;
 };
 
-const service_text* provided_by(const surveyed& one, const service_text& wanted) {
+const service_info* provided_by(const surveyed& one, const service_info& wanted) {
     if (!one.about) return nullptr;
     for (const auto& service : one.about->services)
         if (service.provided && service.name == wanted.name && service.kind == wanted.kind) return &service;
@@ -289,7 +289,7 @@ bool read_by_provider(service_kind kind, std::size_t place) {
                : place == role::subscribe_request || place == role::unsubscribe_request;
 }
 
-void examine_one(const surveyed& needs, const service_text& wanted, const std::vector<surveyed>& all,
+void examine_one(const surveyed& needs, const service_info& wanted, const std::vector<surveyed>& all,
                  std::vector<finding>& found) {
     struct candidate {
         const surveyed* who;
@@ -330,7 +330,7 @@ void examine_one(const surveyed& needs, const service_text& wanted, const std::v
 
 } // namespace
 
-std::string wait_line(const wait_text& of) {
+std::string wait_line(const wait_info& of) {
     auto whom = of.service.empty() ? of.target : fmt::format("'{}' of {}", of.service, of.target);
     std::string what = fmt::format("it waits for {}", whom);
     if (of.stage == "unreached") what = fmt::format("its last call of {} reached no provider, and none has", whom);
@@ -358,7 +358,7 @@ std::vector<finding> examine(const std::vector<surveyed>& before, const std::vec
     return found;
 }
 
-std::string misfit(const service_text& required, const service_text& provided) {
+std::string misfit(const service_info& required, const service_info& provided) {
     auto mine = contract_of(required), theirs = contract_of(provided);
     if (!mine) return fmt::format("  it is not described readably: {}\n", mine.error().message());
     if (!theirs) return fmt::format("  it is not described readably: {}\n", theirs.error().message());

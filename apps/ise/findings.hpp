@@ -24,7 +24,7 @@ struct finding {
 
 /// "it waits for 'helm' of atirma/boat, which is not found, since 2026-05-01T12:00:03Z (12 s): nobody is registered as
 /// 'atirma/boat'"
-std::string wait_line(const wait_text& of);
+std::string wait_line(const wait_info& of);
 
 /// What two surveys, one `apart` from the other, tell of a system: worst first, then by component.
 /// `here`: the name of the host that this runs on.
@@ -35,6 +35,6 @@ std::vector<finding> examine(const std::vector<surveyed>& before, const std::vec
 std::vector<finding> examine_services(const std::vector<surveyed>& now);
 
 /// Why the packets of a service do not fit between a requirer and a provider, a line a difference; empty if they do.
-std::string misfit(const service_text& required, const service_text& provided);
+std::string misfit(const service_info& required, const service_info& provided);
 
 } // namespace ise::cli

@@ -26,8 +26,8 @@ std::vector<std::string> names_of(const std::vector<naming::listed_name>& listed
 task<bool> still_learns(context& in) {
     auto server = co_await reach_name_server(in);
     naming::resolve_request question{std::string(hosts_path)}; // which nobody is called
-    auto told = co_await server.try_call(naming::resolve, std::move(question), in.left());
-    co_return !told && told.error().code() == errc::name_server_lost;
+    auto response = co_await server.try_call(naming::resolve, std::move(question), in.left());
+    co_return !response && response.error().code() == errc::name_server_lost;
 }
 
 task<std::vector<naming::listed_name>> listed_hosts(context& in) {
@@ -89,14 +89,14 @@ task<std::vector<found_instance>> instances_there(context& in, std::string host,
     std::vector<found_instance> all;
     for (auto& one : hosts) {
         instantiation::instances_request question{prefix};
-        auto told = co_await one.server.try_call(instantiation::services::instances, std::move(question),
-                                                 std::min(in.left(), duration(std::chrono::seconds(3))));
-        if (!told) {
-            if (hosts.size() == 1) throw problem(told.error());
-            note(in.set, fmt::format("{} does not answer: {}", one.name, told.error().message()));
+        auto response = co_await one.server.try_call(instantiation::services::instances, std::move(question),
+                                                     std::min(in.left(), duration(std::chrono::seconds(3))));
+        if (!response) {
+            if (hosts.size() == 1) throw problem(response.error());
+            note(in.set, fmt::format("{} does not answer: {}", one.name, response.error().message()));
             continue;
         }
-        for (auto& instance : told->instances) all.push_back({one, std::move(instance)});
+        for (auto& instance : response->instances) all.push_back({one, std::move(instance)});
     }
     co_return all;
 }
@@ -132,17 +132,17 @@ task<found_instance> find_instance(context& in, std::string host, std::string pa
     throw problem(exit_code::not_reached, "no_such_name", why, advice);
 }
 
-instantiation::instance_info started(const instantiation::start_response& told) {
+instantiation::instance_info started(const instantiation::start_response& result) {
     using enum instantiation::start_outcome;
     auto fail = [&](exit_code code, const char* name, const std::string& advice = {}) {
-        auto why = told.why;
-        if (told.outcome == exited || told.outcome == deadline)
-            why += told.output.empty() ? "; it printed nothing"
-                                       : fmt::format("; the last that it printed:\n{}", told.output);
+        auto why = result.why;
+        if (result.outcome == exited || result.outcome == deadline)
+            why += result.output.empty() ? "; it printed nothing"
+                                         : fmt::format("; the last that it printed:\n{}", result.output);
         throw problem(code, name, why, advice);
     };
-    switch (told.outcome) {
-        case ready: return told.started;
+    switch (result.outcome) {
+        case ready: return result.started;
         case no_such_type: fail(exit_code::usage, "no_such_type"); break;
         case bad_argument:
             fail(exit_code::usage, "bad_argument", "ise start --types TYPE shows the allowed values");

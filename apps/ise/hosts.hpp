@@ -32,7 +32,7 @@ task<std::vector<found_instance>> instances_there(context& in, std::string host,
 task<found_instance> find_instance(context& in, std::string host, std::string path);
 
 /// The instance that was started; a problem that tells why not, with its last output.
-instantiation::instance_info started(const instantiation::start_response& told);
+instantiation::instance_info started(const instantiation::start_response& result);
 
 /// What `--json` prints of an instance.
 struct instance_line {

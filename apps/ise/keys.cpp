@@ -112,7 +112,7 @@ struct done_line {
     if_any<std::string> until;
 };
 
-std::string told(const settings& set, const done_line& one, const std::string& text) {
+std::string done_text(const settings& set, const done_line& one, const std::string& text) {
     return set.json ? json_line(one) : text + "\n";
 }
 
@@ -123,9 +123,9 @@ std::string make_authority(const settings& set, const keys_options& given) {
     write_new(in(given.authority, "ca-key.pem"), made.key, secret_mode);
     write_new(in(given.authority, "ca.pem"), made.certificate, public_mode);
     done_line line{"ca", in(given.authority, "ca.pem"), "ise://" + given.system, show_wall(now() + valid)};
-    return told(set, line,
-                fmt::format("{} signs for ise://{}/ until {}; keep {} on this machine", line.file, given.system,
-                            *line.until, in(given.authority, "ca-key.pem")));
+    return done_text(set, line,
+                     fmt::format("{} signs for ise://{}/ until {}; keep {} on this machine", line.file, given.system,
+                                 *line.until, in(given.authority, "ca-key.pem")));
 }
 
 std::string request(const settings& set, const keys_options& given) {
@@ -139,9 +139,10 @@ std::string request(const settings& set, const keys_options& given) {
     write_new(in(folder, "key.pem"), made.key, secret_mode);
     write_new(in(folder, "request.pem"), made.request, public_mode);
     done_line line{"request", in(folder, "request.pem"), given.identity, {}};
-    return told(set, line,
-                fmt::format("{} asks for a certificate of {}{}; {} stays on this machine", line.file, given.identity,
-                            given.hosts.empty() ? ", which cannot listen (no --host)" : "", in(folder, "key.pem")));
+    return done_text(set, line,
+                     fmt::format("{} asks for a certificate of {}{}; {} stays on this machine", line.file,
+                                 given.identity, given.hosts.empty() ? ", which cannot listen (no --host)" : "",
+                                 in(folder, "key.pem")));
 }
 
 std::string issue(const settings& set, const keys_options& given) {
@@ -162,7 +163,7 @@ std::string issue(const settings& set, const keys_options& given) {
         replace(in(folder, "ca.pem"), by.who.trusted(), public_mode);
         auto known = pki::describe(made, target).front();
         done_line line{"issue", target, known.identity, show_wall(*known.until)};
-        text += told(set, line, fmt::format("{} is for {} until {}", target, known.identity, *line.until));
+        text += done_text(set, line, fmt::format("{} is for {} until {}", target, known.identity, *line.until));
     }
     return text;
 }
@@ -183,9 +184,9 @@ std::string equip_deployment(const settings& set, const keys_options& asked) {
     real_environment env;
     deployment_options which;
     which.file = given.file;
-    auto told = read_what_there_is(env, which);
-    refuse(given.file, told.problems);
-    const auto& wanted = told.made;
+    auto parsed = read_what_there_is(env, which);
+    refuse(given.file, parsed.problems);
+    const auto& wanted = parsed.made;
     auto known = [&](const std::string& host) {
         if (std::ranges::find(wanted.hosts, host, &deployment::wanted_host::server) != wanted.hosts.end()) return;
         std::vector<std::string> servers;
@@ -255,12 +256,12 @@ std::string renew_once(const settings& set, const keys_options& given, bool news
             replace(file, made, public_mode);
             known = pki::describe(made, file).front();
             done_line line{"renew", file, known.identity, show_wall(*known.until)};
-            text += told(set, line, fmt::format("{} is for {} until {}", file, known.identity, *line.until));
+            text += done_text(set, line, fmt::format("{} is for {} until {}", file, known.identity, *line.until));
         } else if (!news) {
             done_line line{"nothing", file, known.identity, show_wall(*known.until)};
-            text += told(set, line,
-                         fmt::format("{} is good until {}, and renewed from {} on", file, *line.until,
-                                     show_wall(*known.renew_at())));
+            text += done_text(set, line,
+                              fmt::format("{} is good until {}, and renewed from {} on", file, *line.until,
+                                          show_wall(*known.renew_at())));
         }
         if (auto trusted = in(folder, "ca.pem"); !is_there(trusted) || read_public(trusted) != by.who.trusted())
             replace(trusted, by.who.trusted(), public_mode);
@@ -313,7 +314,7 @@ std::string revoke(const settings& set, const keys_options& given) {
         for (const auto& one : found) {
             auto known = pki::describe(one, certificate).front();
             done_line line{"revoke", known.serial, known.identity, show_wall(now() + valid)};
-            text += told(set, line, fmt::format("revoked: {} of {}", known.serial, known.identity));
+            text += done_text(set, line, fmt::format("revoked: {} of {}", known.serial, known.identity));
             all.push_back(one);
         }
     }

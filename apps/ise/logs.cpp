@@ -53,9 +53,9 @@ task<> logs(context& in, logs_options options) {
         follow = co_await server.subscribe(instantiation::services::output, wanted, terms);
     }
     instantiation::output_request question{options.name, 1 << 20};
-    auto told = co_await server.try_call(instantiation::services::last_output, std::move(question), in.left());
-    if (!told) throw problem(told.error());
-    auto& last = *told;
+    auto response = co_await server.try_call(instantiation::services::last_output, std::move(question), in.left());
+    if (!response) throw problem(response.error());
+    auto& last = *response;
     auto end = last.offset + last.text.size();
     if (options.lines) keep_last_lines(last, *options.lines);
     if (!last.text.empty()) co_await in.out.write(in.self, show_piece(in, last));

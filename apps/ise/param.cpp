@@ -31,12 +31,12 @@ struct param_line {
     std::string description;
 };
 
-param_line parameter_line(const parameter_text& of) {
+param_line parameter_line(const parameter_info& of) {
     return {of.about.name,   of.values,           ise::name_of(of.about.kind), allowed_values(of.about),
             of.about.preset, of.about.changeable, of.about.description};
 }
 
-std::string parameter_table(const context& in, const std::vector<parameter_text>& all) {
+std::string parameter_table(const context& in, const std::vector<parameter_info>& all) {
     table rows({"PARAMETER", "VALUE", "CHANGEABLE", "ALLOWED", "WHAT"});
     for (const auto& one : all)
         rows.add({one.about.name, fmt::format("{}", fmt::join(one.values, ",")),
@@ -59,13 +59,13 @@ problem without_parameters(const std::string& name, const failure& why) {
             "those of programs built on ise::main do, and what was launched with component_type::live()"};
 }
 
-task<std::vector<parameter_text>> ask_parameters(context& in, remote who, std::string name,
+task<std::vector<parameter_info>> ask_parameters(context& in, remote who, std::string name,
                                                  std::vector<std::string> which) {
     parameters_request question;
     question.names = std::move(which);
-    auto told = co_await who.try_call(parameters_service, std::move(question), in.left());
-    if (!told) throw without_parameters(name, told.error());
-    co_return std::move(told->parameters);
+    auto response = co_await who.try_call(parameters_service, std::move(question), in.left());
+    if (!response) throw without_parameters(name, response.error());
+    co_return std::move(response->parameters);
 }
 
 /// Whoever has started it sets them, so that they hold after a restart too; null where nobody has.
@@ -93,13 +93,13 @@ task<> set_parameter(context& in, remote who, param_options options) {
         instantiation::set_request request;
         request.path = path;
         request.settings.push_back({options.parameter, *options.value});
-        auto told = co_await starter->server.try_call(instantiation::services::set, std::move(request), in.left());
-        if (!told) throw said_against(told.error());
+        auto response = co_await starter->server.try_call(instantiation::services::set, std::move(request), in.left());
+        if (!response) throw said_against(response.error());
     } else {
         change_parameters_request request;
         request.settings.push_back({options.parameter, *options.value});
-        auto told = co_await who.try_call(change_parameters_service, std::move(request), in.left());
-        if (!told) throw without_parameters(options.name, told.error());
+        auto response = co_await who.try_call(change_parameters_service, std::move(request), in.left());
+        if (!response) throw without_parameters(options.name, response.error());
     }
 }
 

@@ -38,19 +38,19 @@ struct echoed {
 task<result<echoed>> ask_once(context& in, remote who, bool& by_health, duration limit) {
     echoed made;
     if (by_health) {
-        auto told = co_await ask_health(in, who, limit);
-        if (told) {
-            made.round_trip = told->round_trip;
-            made.clock_ahead = told->clock_ahead;
+        auto response = co_await ask_health(in, who, limit);
+        if (response) {
+            made.round_trip = response->round_trip;
+            made.clock_ahead = response->clock_ahead;
             co_return made;
         }
-        if (told.error().code() != errc::no_such_service) co_return told.error();
+        if (response.error().code() != errc::no_such_service) co_return response.error();
         by_health = false;
     }
     describe_request question;
     auto asked = in.self.env().now();
-    auto told = co_await who.try_call(describe_service, question, limit);
-    if (!told) co_return told.error();
+    auto response = co_await who.try_call(describe_service, question, limit);
+    if (!response) co_return response.error();
     made.round_trip = in.self.env().now() - asked;
     co_return made;
 }
@@ -75,16 +75,16 @@ std::string show_summary(context& in, std::uint64_t sent, const spread& of, cons
                          bool by_health) {
     bool any = of.count() > 0;
     if (in.set.json) {
-        ping_summary told;
-        told.sent = sent;
-        told.answered = of.count();
+        ping_summary result;
+        result.sent = sent;
+        result.answered = of.count();
         if (any) {
-            told.min_s = of.shortest();
-            told.median_s = of.median();
-            told.max_s = of.longest();
+            result.min_s = of.shortest();
+            result.median_s = of.median();
+            result.max_s = of.longest();
         }
-        told.service = by_health ? health_service.name() : describe_service.name();
-        return json_line(told);
+        result.service = by_health ? health_service.name() : describe_service.name();
+        return json_line(result);
     }
     auto text = fmt::format("{} of {} answered", of.count(), sent);
     if (any)

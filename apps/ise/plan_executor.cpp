@@ -126,9 +126,9 @@ task<> plan_executor::execute_one(std::size_t number) {
         text = fmt::format("step {} of {} failed ({} {} on {}): {}", number + 1, jobs_.size(),
                            deployment::name_of(one.what.what), one.what.path, one.what.server, text);
     if (!why_) why_.emplace(why->code(), why->name(), text, why->advice());
-    std::string told;
-    if (how_.all) told = why->what();
-    if (why->code() != exit_code::no_output) co_await tell(number, "failed", told);
+    std::string message;
+    if (how_.all) message = why->what();
+    if (why->code() != exit_code::no_output) co_await tell(number, "failed", message);
 }
 
 task<std::string> plan_executor::act(job& one) {
@@ -141,16 +141,16 @@ task<std::string> plan_executor::act(job& one) {
     if (what.what == action::start) {
         auto server = there_.servers.at(what.server);
         auto request = what.request;
-        auto told = co_await server.try_call(host_services::start, std::move(request), limit_of(what));
-        if (!told) throw failed_at(what.what, what.path, what.server, told.error());
-        auto instance = started(*told);
+        auto response = co_await server.try_call(host_services::start, std::move(request), limit_of(what));
+        if (!response) throw failed_at(what.what, what.path, what.server, response.error());
+        auto instance = started(*response);
         co_return ready_text(instance, began);
     }
-    auto told = co_await change_to(what.server, what.request, 0);
-    auto instance = started(told.outcome);
-    one.former = std::move(told.former);
-    one.undo = told.undo;
-    if (told.way == instantiation::change_way::restarted) co_return ready_text(instance, began);
+    auto result = co_await change_to(what.server, what.request, 0);
+    auto instance = started(result.outcome);
+    one.former = std::move(result.former);
+    one.undo = result.undo;
+    if (result.way == instantiation::change_way::restarted) co_return ready_text(instance, began);
     co_return std::string("changed while it runs");
 }
 
@@ -165,13 +165,13 @@ void plan_executor::on_interrupt() {
 }
 
 task<> plan_executor::wait_for_change() {
-    waiter<> told(in_.self.on(), [&told] { told.resume(); });
+    waiter<> result(in_.self.on(), [&result] { result.resume(); });
     struct listed {
         plan_executor& of;
         ~listed() { of.changed_ = nullptr; }
     } listing{*this};
-    changed_ = &told;
-    co_await told.wait();
+    changed_ = &result;
+    co_await result.wait();
 }
 
 task<> plan_executor::give_up() {
@@ -218,15 +218,15 @@ task<> plan_executor::undo_one(const job& one) {
         if (!what.alive) co_return;
         auto server = there_.servers.at(what.server);
         instantiation::restart_request request{what.path};
-        auto told = co_await server.try_call(host_services::restart, std::move(request), limit_of(what));
-        if (!told) throw problem(told.error());
-        started(*told);
+        auto response = co_await server.try_call(host_services::restart, std::move(request), limit_of(what));
+        if (!response) throw problem(response.error());
+        started(*response);
     } else {
         if (one.undo == 0) co_return; // nothing was changed
         auto former = *one.former;
         former.path = what.path;
-        auto told = co_await change_to(what.server, std::move(former), one.undo);
-        started(told.outcome);
+        auto result = co_await change_to(what.server, std::move(former), one.undo);
+        started(result.outcome);
     }
 }
 
@@ -238,9 +238,9 @@ task<instantiation::change_response> plan_executor::change_to(std::string server
     auto path = to.path;
     request.to = std::move(to);
     request.undo = undo;
-    auto told = co_await who.try_call(host_services::change, std::move(request), std::min(limit, in_.left()));
-    if (!told) throw failed_at(action::change, path, server, told.error());
-    co_return std::move(*told);
+    auto response = co_await who.try_call(host_services::change, std::move(request), std::min(limit, in_.left()));
+    if (!response) throw failed_at(action::change, path, server, response.error());
+    co_return std::move(*response);
 }
 
 task<instantiation::ended_response> plan_executor::stop(std::string server, std::string path, bool forget) {
@@ -248,9 +248,9 @@ task<instantiation::ended_response> plan_executor::stop(std::string server, std:
     instantiation::stop_request request;
     request.path = path;
     request.forget = forget;
-    auto told = co_await who.try_call(host_services::stop, std::move(request), std::min(max_stop, in_.left()));
-    if (!told) throw failed_at(action::stop, path, server, told.error());
-    co_return std::move(*told);
+    auto response = co_await who.try_call(host_services::stop, std::move(request), std::min(max_stop, in_.left()));
+    if (!response) throw failed_at(action::stop, path, server, response.error());
+    co_return std::move(*response);
 }
 
 /// Of what has ended, and is not needed to undo anything any more.

@@ -34,8 +34,8 @@ std::string attribute_of(const json& of, std::string_view name) {
 }
 
 void read_line(std::string_view line, std::vector<traced_span>& into) {
-    auto told = json::parse(line);
-    for (const auto& resource : told.at("resourceSpans")) {
+    auto parsed = json::parse(line);
+    for (const auto& resource : parsed.at("resourceSpans")) {
         auto component = attribute_of(resource.value("resource", json::object()), "service.name");
         for (const auto& scope : resource.at("scopeSpans"))
             for (const auto& one : scope.at("spans")) {

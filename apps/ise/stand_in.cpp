@@ -32,14 +32,14 @@ struct told_service {
 
 constexpr std::size_t max_input_file = std::size_t{16} << 20;
 
-dynamic_contract contract_of_line(const told_service& told, const std::string& file) {
-    const bool calls = told.kind == ise::name_of(service_kind::request_response);
-    if (!calls && told.kind != ise::name_of(service_kind::subscription))
+dynamic_contract contract_of_line(const told_service& result, const std::string& file) {
+    const bool calls = result.kind == ise::name_of(service_kind::request_response);
+    if (!calls && result.kind != ise::name_of(service_kind::subscription))
         throw problem(exit_code::usage, "usage",
-                      fmt::format("{}: '{}' is a service of an unknown kind, '{}'", file, told.service, told.kind));
+                      fmt::format("{}: '{}' is a service of an unknown kind, '{}'", file, result.service, result.kind));
     std::vector<std::string> texts;
-    for (const auto& packet : told.packets) texts.push_back(packet.schema);
-    auto made = dynamic_contract::parse(told.service,
+    for (const auto& packet : result.packets) texts.push_back(packet.schema);
+    auto made = dynamic_contract::parse(result.service,
                                         calls ? service_kind::request_response : service_kind::subscription, texts);
     if (!made) throw problem(exit_code::usage, "usage", fmt::format("{}: {}", file, made.error().message()));
     return std::move(*made);
@@ -56,15 +56,15 @@ dynamic_contract contract_in_file(context& in, const std::string& file, const st
         at = end + 1;
         ++number;
         if (line.find_first_not_of(" \t\r") == line.npos) continue;
-        told_service told;
+        told_service result;
         try {
-            told = from_json<told_service>(line);
+            result = from_json<told_service>(line);
         } catch (const error& wrong) {
             throw problem(exit_code::usage, "usage", fmt::format("{}:{}: {}", file, number, wrong.what()),
                           "each line is what `ise type show NAME SERVICE --json` printed");
         }
-        if (told.service == service) return contract_of_line(told, fmt::format("{}:{}", file, number));
-        names.push_back(told.service);
+        if (result.service == service) return contract_of_line(result, fmt::format("{}:{}", file, number));
+        names.push_back(result.service);
     }
     throw problem(exit_code::usage, "usage", fmt::format("{} does not describe a service '{}'", file, service),
                   names.empty() ? "it describes none" : fmt::format("it describes {}", enumerate(names)));

@@ -70,9 +70,9 @@ task<> show_types(context& in, start_options options) {
     bool found = false;
     for (auto& host : hosts) {
         instantiation::types_request question;
-        auto told = co_await host.server.try_call(instantiation::services::types, question, in.left());
-        if (!told) throw problem(told.error());
-        for (const auto& type : told->types) {
+        auto response = co_await host.server.try_call(instantiation::services::types, question, in.left());
+        if (!response) throw problem(response.error());
+        for (const auto& type : response->types) {
             known.push_back(type.about.name);
             if (!options.type.empty() && type.about.name != options.type) continue;
             found = true;
@@ -80,7 +80,7 @@ task<> show_types(context& in, start_options options) {
             else if (in.set.json) listed.push_back(startable(host.name, type));
             else text += type_page(host.name, type, in.out.width());
         }
-        for (const auto& trouble : told->problems)
+        for (const auto& trouble : response->problems)
             if (!options.names && options.type.empty()) note(in.set, fmt::format("{}: {}", host.name, trouble));
     }
     if (!options.type.empty() && !found) {
@@ -130,9 +130,9 @@ task<> start(context& in, start_options options) {
         request.roles.insert(std::move(*role));
     }
     auto host = co_await host_to_use(in, options.host);
-    auto told = co_await host.server.try_call(instantiation::services::start, std::move(request), in.left());
-    if (!told) throw problem(told.error());
-    auto what = started(*told);
+    auto response = co_await host.server.try_call(instantiation::services::start, std::move(request), in.left());
+    if (!response) throw problem(response.error());
+    auto what = started(*response);
     co_await print_instance(in, host.name, std::move(what));
 }
 

@@ -17,25 +17,25 @@ struct instance_options {
 task<> stop(context& in, instance_options options) {
     auto found = co_await find_instance(in, options.host, options.name);
     instantiation::stop_request request{options.name, options.grace};
-    auto told = co_await found.host.server.try_call(host_services::stop, std::move(request), in.left());
-    if (!told) throw problem(told.error());
-    co_await print_instance(in, found.host.name, std::move(told->ended));
+    auto response = co_await found.host.server.try_call(host_services::stop, std::move(request), in.left());
+    if (!response) throw problem(response.error());
+    co_await print_instance(in, found.host.name, std::move(response->ended));
 }
 
 task<> kill(context& in, instance_options options) {
     auto found = co_await find_instance(in, options.host, options.name);
     instantiation::kill_request request{options.name};
-    auto told = co_await found.host.server.try_call(host_services::kill, std::move(request), in.left());
-    if (!told) throw problem(told.error());
-    co_await print_instance(in, found.host.name, std::move(told->ended));
+    auto response = co_await found.host.server.try_call(host_services::kill, std::move(request), in.left());
+    if (!response) throw problem(response.error());
+    co_await print_instance(in, found.host.name, std::move(response->ended));
 }
 
 task<> restart(context& in, instance_options options) {
     auto found = co_await find_instance(in, options.host, options.name);
     instantiation::restart_request request{options.name};
-    auto told = co_await found.host.server.try_call(host_services::restart, std::move(request), in.left());
-    if (!told) throw problem(told.error());
-    auto what = started(*told);
+    auto response = co_await found.host.server.try_call(host_services::restart, std::move(request), in.left());
+    if (!response) throw problem(response.error());
+    auto what = started(*response);
     co_await print_instance(in, found.host.name, std::move(what));
 }
 

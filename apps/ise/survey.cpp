@@ -28,10 +28,10 @@ task<> look_at(context& in, surveyed& into, bool leases) {
         auto server = co_await reach_name_server(in);
         naming::describe_request which;
         which.path = into.name.path;
-        auto told = co_await server.try_call(naming::describe, which, in.left());
-        if (told) {
-            into.lease = told->lease;
-            into.name.lease_age = told->lease_age;
+        auto response = co_await server.try_call(naming::describe, which, in.left());
+        if (response) {
+            into.lease = response->lease;
+            into.name.lease_age = response->lease_age;
         }
     }
     auto who = co_await reach(in, into.name.path);
@@ -39,13 +39,13 @@ task<> look_at(context& in, surveyed& into, bool leases) {
     into.about = co_await ask_about(in, who);
     into.answered_at = in.self.now();
     into.answered_after = into.answered_at - asked;
-    auto told = co_await ask_health(in, who, in.left());
-    if (!told) co_return; // a version without, or it has just gone
+    auto response = co_await ask_health(in, who, in.left());
+    if (!response) co_return; // a version without, or it has just gone
     into.answered_at = in.self.now();
-    into.answered_after = told->round_trip;
-    into.clock_ahead = told->clock_ahead;
-    into.clock_doubt = told->round_trip / 2;
-    into.health = std::move(told->told);
+    into.answered_after = response->round_trip;
+    into.clock_ahead = response->clock_ahead;
+    into.clock_doubt = response->round_trip / 2;
+    into.health = std::move(response->report);
 }
 
 task<> ask_some(context from, std::shared_ptr<inquiry> of, bool leases) {
@@ -74,12 +74,12 @@ task<result<pulse>> ask_health(context& in, remote who, duration limit) {
     health_request question;
     auto asked = in.self.env().now();
     auto began = in.self.wall();
-    auto told = co_await who.try_call(health_service, question, limit);
-    if (!told) co_return told.error();
+    auto response = co_await who.try_call(health_service, question, limit);
+    if (!response) co_return response.error();
     pulse made;
     made.round_trip = in.self.env().now() - asked;
-    made.clock_ahead = told->wall - (began + made.round_trip / 2);
-    made.told = std::move(*told);
+    made.clock_ahead = response->wall - (began + made.round_trip / 2);
+    made.report = std::move(*response);
     co_return made;
 }
 

@@ -36,10 +36,10 @@ struct session_peer {
     /// "tcp"
     std::string over() const { return address.substr(0, address.find("://")); }
 };
-inline session_peer peer_of(const std::string& told) {
-    auto from = told.rfind(" (");
-    if (from == told.npos || !told.ends_with(')')) return {{}, told};
-    return {told.substr(0, from), told.substr(from + 2, told.size() - from - 3)};
+inline session_peer peer_of(const std::string& message) {
+    auto from = message.rfind(" (");
+    if (from == message.npos || !message.ends_with(')')) return {{}, message};
+    return {message.substr(0, from), message.substr(from + 2, message.size() - from - 3)};
 }
 
 struct survey_options {
@@ -54,7 +54,7 @@ task<std::vector<surveyed>> survey(context& in, survey_options options);
 /// One component, asked how it is: round trip, clock and figures. The failures of `remote::try_call`, and
 /// errc::no_such_service from a version without.
 struct pulse {
-    health_report told;
+    health_report report;
     duration round_trip{};
     duration clock_ahead{};
 };

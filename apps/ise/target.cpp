@@ -131,12 +131,12 @@ task<std::vector<naming::listed_name>> listed_names(context& in, std::string pre
     question.prefix = std::move(prefix);
     for (;;) {
         auto page = question;
-        auto told = co_await server.try_call(naming::list, std::move(page), in.left());
-        if (!told) throw problem(told.error());
-        if (!told->trouble.empty() && question.after.empty()) note(in.set, told->trouble);
-        for (auto& one : told->names) names.push_back(std::move(one));
+        auto response = co_await server.try_call(naming::list, std::move(page), in.left());
+        if (!response) throw problem(response.error());
+        if (!response->trouble.empty() && question.after.empty()) note(in.set, response->trouble);
+        for (auto& one : response->names) names.push_back(std::move(one));
         // A server that says "more" and tells nothing new would be asked for ever.
-        if (!told->more || told->names.empty() || names.back().path <= question.after) break;
+        if (!response->more || response->names.empty() || names.back().path <= question.after) break;
         question.after = names.back().path;
     }
     co_return names;
@@ -199,9 +199,9 @@ task<resolution> members_of(context& in, std::string name) {
 
 task<component_info> ask_about(context& in, remote who) {
     describe_request question;
-    auto told = co_await who.try_call(describe_service, question, in.left());
-    if (!told) throw problem(told.error());
-    co_return std::move(*told);
+    auto response = co_await who.try_call(describe_service, question, in.left());
+    if (!response) throw problem(response.error());
+    co_return std::move(*response);
 }
 
 task<dynamic_contract> find_service(context& in, remote who, std::string service, service_kind wanted) {

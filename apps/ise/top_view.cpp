@@ -827,7 +827,7 @@ void top_view::add_peers(std::vector<styled_line>& to, const surveyed& of, std::
         ++count;
         std::optional<double> in, out;
         if (then != before_.end()) {
-            auto old = std::ranges::find(then->about->sessions, one.peer, &session_text::peer);
+            auto old = std::ranges::find(then->about->sessions, one.peer, &session_info::peer);
             auto seconds = std::chrono::duration<double>(of.answered_at - then->answered_at).count();
             if (old != then->about->sessions.end() && seconds > 0 && one.bytes_in >= old->bytes_in &&
                 one.bytes_out >= old->bytes_out) {

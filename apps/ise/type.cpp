@@ -40,7 +40,7 @@ struct type_comparison {
 task<dynamic_contract> service_at(context& in, std::string name, std::string service) {
     auto who = co_await reach(in, name);
     auto about = co_await ask_about(in, who);
-    const service_text* found = nullptr;
+    const service_info* found = nullptr;
     std::vector<std::string> names;
     for (const auto& one : about.services) {
         names.push_back(one.name);
@@ -73,16 +73,16 @@ std::string as_text(const dynamic_contract& service) {
 }
 
 shown_service shown_types(const std::string& component, const dynamic_contract& service) {
-    shown_service told;
-    told.component = component;
-    told.service = service.name();
-    told.kind = ise::name_of(service.kind());
+    shown_service result;
+    result.component = component;
+    result.service = service.name();
+    result.kind = ise::name_of(service.kind());
     for (std::size_t place = 0; place < packets_of(service); ++place) {
         const auto& packet = service.packet(place);
-        told.packets.push_back({std::string(role::name(service.kind(), place)), packet.name(),
-                                fmt::format("{:016x}", packet.fingerprint()), packet.text()});
+        result.packets.push_back({std::string(role::name(service.kind(), place)), packet.name(),
+                                  fmt::format("{:016x}", packet.fingerprint()), packet.text()});
     }
-    return told;
+    return result;
 }
 
 type_comparison compare(const dynamic_contract& a, const dynamic_contract& b) {
@@ -130,10 +130,10 @@ task<> type(context& in, type_options options) {
                       fmt::format("'{}' at {} is a {} service, '{}' at {} a {} service", options.service, options.name,
                                   ise::name_of(first.kind()), other_service, options.other_name,
                                   ise::name_of(other.kind())));
-    auto told = compare(first, other);
-    auto text = in.set.json ? json_line(told) : as_text(told);
+    auto result = compare(first, other);
+    auto text = in.set.json ? json_line(result) : as_text(result);
     co_await in.out.write(in.self, std::move(text));
-    if (!told.compatible)
+    if (!result.compatible)
         throw problem(
             exit_code::mismatch, "type_mismatch",
             fmt::format("'{}' of {} (reader) does not fit '{}' of {} (writer)", options.service, options.name,

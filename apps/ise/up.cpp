@@ -46,8 +46,8 @@ task<prepared> prepare(context& in, deployment_options options, bool settled) {
 
 std::string show_deployment(const deployment::deployment& of, const char* word, std::size_t components,
                             std::size_t steps, bool json) {
-    deployment_summary told{of.name.text, word, components, steps};
-    if (json) return json_line(told);
+    deployment_summary result{of.name.text, word, components, steps};
+    if (json) return json_line(result);
     auto done = steps == 0 ? std::string("nothing to do") : fmt::format("{} step{}", steps, steps == 1 ? "" : "s");
     return fmt::format("{} is {}: {} component{}, {}\n", of.name.text, word, components, components == 1 ? "" : "s",
                        done);
@@ -107,9 +107,9 @@ task<> diff(context& in, deployment_options options) {
     auto made = co_await prepare(in, options, false);
     std::string text;
     if (in.set.json) {
-        deployment_difference told{made.wanted.name.text, {}, made.plan.kept};
-        for (const auto& one : made.plan.steps) told.steps.push_back(planned_step_of(one));
-        text = json_line(told);
+        deployment_difference result{made.wanted.name.text, {}, made.plan.kept};
+        for (const auto& one : made.plan.steps) result.steps.push_back(planned_step_of(one));
+        text = json_line(result);
     } else {
         for (const auto& one : made.plan.steps) text += printable(deployment::as_text(one, true), true) + "\n";
         if (text.empty())

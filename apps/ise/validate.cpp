@@ -48,7 +48,7 @@ task<> validate(context& in, deployment_options options) {
     if (wanted.components.empty()) refuse(options.file, wrong); // there is nothing to ask about
     bool readable = wrong.empty();
     bool checked = false;
-    std::vector<const type_text*> types(wanted.components.size(), nullptr);
+    std::vector<const type_info*> types(wanted.components.size(), nullptr);
     asked_hosts there;
     if (!options.offline) {
         there = co_await ask_if_there(in, wanted);
@@ -73,9 +73,9 @@ task<> validate(context& in, deployment_options options) {
     refuse(options.file, wrong);
     std::string text;
     if (in.set.json) {
-        validated told{wanted.name.text, wanted.components.size(), wanted.hosts.size(), checked, {}};
-        for (auto which : sorted.order) told.order.push_back(wanted.components[which].request.path);
-        text = json_line(told);
+        validated result{wanted.name.text, wanted.components.size(), wanted.hosts.size(), checked, {}};
+        for (auto which : sorted.order) result.order.push_back(wanted.components[which].request.path);
+        text = json_line(result);
     } else {
         text = fmt::format(
             "{} is well formed: {} with {} component{} on {} host{}{}\n", options.file, wanted.name.text,

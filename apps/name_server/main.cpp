@@ -92,8 +92,8 @@ std::optional<ise::etcd_options> store_of(const settings& wanted, ise::environme
     if (!wanted.store_password_file.empty()) {
         made.password = env.read_secret(wanted.store_password_file, 4096).value();
         while (made.password.ends_with('\n')) made.password.pop_back();
-    } else if (auto told = env.variable("ISE_STORE_PASSWORD")) {
-        made.password = *told;
+    } else if (auto result = env.variable("ISE_STORE_PASSWORD")) {
+        made.password = *result;
     }
     if (!made.user.empty() && made.password.empty())
         throw CLI::ValidationError("--store-user", "needs a password: --store-password-file, or ISE_STORE_PASSWORD");

@@ -66,12 +66,12 @@ ledger::verdict ledger::judge(std::span<const std::set<packet_key>> disks, ise::
     }
     bool shown_well = true;
     for (const auto& [who, s] : subscribers_) {
-        auto& told = made.subscribers[who];
-        told.shown = s.known.size();
-        told.twice = s.twice;
-        for (auto which : all) told.missed += !s.known.contains(which);
-        for (auto which : s.known) told.unknown += !all.contains(which);
-        if (told.twice + told.missed + told.unknown > 0) shown_well = false;
+        auto& result = made.subscribers[who];
+        result.shown = s.known.size();
+        result.twice = s.twice;
+        for (auto which : all) result.missed += !s.known.contains(which);
+        for (auto which : s.known) result.unknown += !all.contains(which);
+        if (result.twice + result.missed + result.unknown > 0) shown_well = false;
     }
     made.holds = nothing_lost && shown_well && made.only_on_one == 0 && made.unheard == 0 && !entries_.empty();
     return made;

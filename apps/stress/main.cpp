@@ -152,16 +152,16 @@ int main(int argc, char** argv) {
         const double sailing_s = processor_s() - began_s;
         progress.show(1, "judging, and writing the report");
         auto proof = sea.judge();
-        const auto told = sea.story();
-        stress::findings found(told);
-        stress::write_file(folder / "report.md", stress::make_report(told, found, proof));
-        stress::write_file(folder / "track.svg", stress::make_picture(told, found));
+        const auto result = sea.story();
+        stress::findings found(result);
+        stress::write_file(folder / "report.md", stress::make_report(result, found, proof));
+        stress::write_file(folder / "track.svg", stress::make_picture(result, found));
         stress::write_file(folder / "track.gpx", stress::make_gpx(found));
         stress::write_file(folder / "events.log", sea.log());
         stress::write_file(folder / "machine.md", machine.text(sailing_s));
-        bool good = stress::holds(told, proof);
+        bool good = stress::holds(result, proof);
         progress.clear();
-        fmt::print("{}: {} ({:.1f} s of processor time); {}\n", stress::length_text(told.plan.length),
+        fmt::print("{}: {} ({:.1f} s of processor time); {}\n", stress::length_text(result.plan.length),
                    good ? "the proof holds" : "THE PROOF DOES NOT HOLD", processor_s() - began_s,
                    (folder / "report.md").string());
         return good ? 0 : 1;

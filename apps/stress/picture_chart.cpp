@@ -45,8 +45,8 @@ std::vector<shade> shades_of(const std::vector<findings::fix>& track) {
             const auto& one = track[i];
             if (!one.history) last[static_cast<std::size_t>(one.link)] = one.at;
             for (const auto& [link, within] : order) {
-                const auto& told = last[static_cast<std::size_t>(link)];
-                if (!told || std::chrono::abs(one.at - *told) > within) continue;
+                const auto& result = last[static_cast<std::size_t>(link)];
+                if (!result || std::chrono::abs(one.at - *result) > within) continue;
                 made[i] = std::min(made[i], static_cast<shade>(link));
                 break;
             }

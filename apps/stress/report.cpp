@@ -65,9 +65,9 @@ void say_proof(text& out, const account& of, const ledger::verdict& proof) {
     out.line("\nOn one disk only: {}. On the disks and not seen on a wire: {}. After the end it took {} of calm until "
              "no packet was owed.",
              proof.only_on_one, proof.unheard, length_text(of.calm));
-    std::size_t told = 0;
+    std::size_t count = 0;
     for (const auto& missing : proof.missing) {
-        if (++told > 50) {
+        if (++count > 50) {
             out.line("- … and {} more", proof.missing.size() - 50);
             break;
         }

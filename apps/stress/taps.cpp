@@ -183,10 +183,10 @@ private:
         if (line.find("ERROR") != std::string::npos && binary_left_ == asked_for_) binary_left_ = 0;
         auto at = line.find("+SBDIX:");
         if (at == std::string::npos) return;
-        auto told = iridium::parse_sbdix(std::string_view(line).substr(at));
-        if (!told) return;
-        into_.session({began_, time_(), told->mo_arrived()});
-        if (!told->mo_arrived()) return;
+        auto parsed = iridium::parse_sbdix(std::string_view(line).substr(at));
+        if (!parsed) return;
+        into_.session({began_, time_(), parsed->mo_arrived()});
+        if (!parsed->mo_arrived()) return;
         for (auto which : held_) into_.acknowledged(link_id::iridium, which, time_());
     }
 

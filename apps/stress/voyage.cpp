@@ -215,11 +215,11 @@ void voyage::take_sample(ise::duration when) {
     for (std::size_t i = 0; i < 2; ++i) {
         auto* here = at<communication_node>(fmt::format("atirma/shore/node-{}", i + 1));
         if (!here) continue;
-        auto told = here->how();
-        one.packets[i] = told.packets;
-        one.unseen[i] = told.packets - told.shown;
-        one.held[i] = told.held;
-        one.open[i] = told.telecommands_open;
+        auto result = here->how();
+        one.packets[i] = result.packets;
+        one.unseen[i] = result.packets - result.shown;
+        one.held[i] = result.held;
+        one.open[i] = result.telecommands_open;
     }
     if (const auto* sails = at<boat_simulator>("atirma/boat"); sails && sails->boat()) {
         one.xbee_queued = sails->boat()->queued(link_id::xbee);
@@ -267,10 +267,10 @@ ledger::verdict voyage::judge() {
 account voyage::story() {
     auto made = told_;
     if (const auto* page = at<web_server>("atirma/page")) {
-        const auto& told = page->statistics();
-        made.page.received = told.received;
-        made.page.duplicates = told.duplicates;
-        made.page.malformed = told.malformed;
+        const auto& result = page->statistics();
+        made.page.received = result.received;
+        made.page.duplicates = result.duplicates;
+        made.page.malformed = result.malformed;
     }
     if (const auto* sails = at<boat_simulator>("atirma/boat"); sails && sails->boat())
         made.sailed_m = static_cast<double>(sails->boat()->location_now().distance_sailed_m);

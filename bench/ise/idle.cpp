@@ -14,14 +14,15 @@ namespace {
 class memory_teller final : public ise::component {
     ise::task<> run() override {
         provide(memory, [this](ask_memory) -> memory_used {
-            memory_used told;
+            memory_used result;
             const auto heap = ::mallinfo2();
-            told.heap_bytes = heap.uordblks + heap.hblkhd;
+            result.heap_bytes = heap.uordblks + heap.hblkhd;
             std::uint64_t total_pages = 0, resident_pages = 0, shared_pages = 0;
             std::ifstream("/proc/self/statm") >> total_pages >> resident_pages >> shared_pages;
-            told.resident_bytes = (resident_pages - shared_pages) * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
-            told.sessions = static_cast<std::uint32_t>(services().sessions().size());
-            return told;
+            result.resident_bytes =
+                (resident_pages - shared_pages) * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+            result.sessions = static_cast<std::uint32_t>(services().sessions().size());
+            return result;
         });
         provide(echo<telemetry>, [](telemetry request) -> ise::task<telemetry> { co_return request; });
         co_return;

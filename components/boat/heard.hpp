@@ -18,11 +18,11 @@ struct heard {
 /// Takes what is not older by the boat's clock, and no history: what comes late over a slow link never moves the
 /// current value backwards. False where it was not taken.
 template <class Packet>
-bool take_newer(std::optional<heard<Packet>>& current, const Packet& told, const telemetry_packet& packet,
+bool take_newer(std::optional<heard<Packet>>& current, const Packet& result, const telemetry_packet& packet,
                 utc_time arrived_at) {
     auto measured = plausible_time(packet);
     if (packet.history || (current && measured < current->measured_at)) return false;
-    current = heard<Packet>{told, measured, arrived_at, packet.link, packet.boot};
+    current = heard<Packet>{result, measured, arrived_at, packet.link, packet.boot};
     return true;
 }
 

@@ -36,9 +36,9 @@ void report_rhythm::on_report(link_id link, utc_time measured_at) noexcept {
     pace.last = measured_at;
 }
 
-void report_rhythm::on_configuration(const configuration& told) noexcept {
+void report_rhythm::on_configuration(const configuration& result) noexcept {
     for (std::size_t i = 0; i < link_count; ++i) {
-        double period = static_cast<double>(told.telemetry_period_s[i]);
+        double period = static_cast<double>(result.telemetry_period_s[i]);
         auto& pace = links_[i];
         if (!std::isfinite(period) || period < 0 || period == pace.told_s) continue;
         pace.told_s = period;

@@ -33,7 +33,7 @@ class report_rhythm {
 public:
     /// A position report that is no history, in any order.
     void on_report(link_id link, utc_time measured_at) noexcept;
-    void on_configuration(const configuration& told) noexcept;
+    void on_configuration(const configuration& result) noexcept;
 
     /// Seconds between two position reports.
     double position_s(link_id link) const noexcept;

@@ -27,31 +27,31 @@ link_outcome make_outcome(link_outcome::kind what, std::string text, std::string
 }
 
 telecommand_status status_of(const tracked_telecommand& entry, link_id link) {
-    telecommand_status told;
-    told.id = entry.id;
-    told.link = link;
-    told.kind = entry.command.kind();
+    telecommand_status outcome;
+    outcome.id = entry.id;
+    outcome.link = link;
+    outcome.kind = entry.command.kind();
     switch (entry.stage) {
         case link_stage::waiting:
         case link_stage::sending:
-            told.state = entry.may_have_left ? telecommand_stage::sent : telecommand_stage::queued;
+            outcome.state = entry.may_have_left ? telecommand_stage::sent : telecommand_stage::queued;
             break;
         case link_stage::at_gateway:
-        case link_stage::delivered: told.state = telecommand_stage::sent; break;
-        case link_stage::acknowledged: told.state = telecommand_stage::acknowledged; break;
-        case link_stage::failed: told.state = telecommand_stage::failed; break;
-        case link_stage::expired: told.state = telecommand_stage::expired; break;
+        case link_stage::delivered: outcome.state = telecommand_stage::sent; break;
+        case link_stage::acknowledged: outcome.state = telecommand_stage::acknowledged; break;
+        case link_stage::failed: outcome.state = telecommand_stage::failed; break;
+        case link_stage::expired: outcome.state = telecommand_stage::expired; break;
     }
-    told.result = entry.result;
-    told.value = entry.value;
-    told.boat_obeys = entry.boat_obeys;
-    told.text = entry.text;
-    told.at = entry.changed_at;
-    told.asked_at = entry.asked_at;
-    told.attempts = entry.attempts;
-    told.valid_until = entry.valid_until;
-    told.executed_at = entry.executed_at;
-    return told;
+    outcome.result = entry.result;
+    outcome.value = entry.value;
+    outcome.boat_obeys = entry.boat_obeys;
+    outcome.text = entry.text;
+    outcome.at = entry.changed_at;
+    outcome.asked_at = entry.asked_at;
+    outcome.attempts = entry.attempts;
+    outcome.valid_until = entry.valid_until;
+    outcome.executed_at = entry.executed_at;
+    return outcome;
 }
 
 bool is_answer(const acknowledgement& ack, command_kind kind, std::uint32_t sent_under) noexcept {

@@ -137,8 +137,8 @@ ise::task<> boat_simulator::run() {
         call.link = options_.uplink;
         if (seal_) call.link.seal = [this](ise::bytes raw) { return sealed(link_id::gprs, std::move(raw)); };
         uplink_ = std::make_unique<gprs::uplink_port>(on(), log(), std::move(call), boat_->boot());
-        uplink_->on_order = [this](const gprs::order& told) {
-            if (auto plain = opened(link_id::gprs, told.raw)) heard(link_id::gprs, *plain);
+        uplink_->on_order = [this](const gprs::order& result) {
+            if (auto plain = opened(link_id::gprs, result.raw)) heard(link_id::gprs, *plain);
         };
         for (auto& raw : std::exchange(not_acknowledged_, {})) uplink_->put(std::move(raw));
         spawn("uplink", uplink_->run());
@@ -235,12 +235,12 @@ void boat_simulator::ask_duty_cycle() {
 }
 
 void boat_simulator::on_receipt(ise::bytes_view raw) {
-    auto told = parse_receipt(raw);
-    if (!told) {
-        log().warning("a receipt was refused", {{"cause", told.error().message()}});
+    auto parsed = parse_receipt(raw);
+    if (!parsed) {
+        log().warning("a receipt was refused", {{"cause", parsed.error().message()}});
         return;
     }
-    auto safe = backlog_->on_receipt(now(), *told);
+    auto safe = backlog_->on_receipt(now(), *parsed);
     if (memory_ && !safe.empty()) kept(memory_->forget(safe));
 }
 
@@ -294,12 +294,12 @@ scene boat_simulator::set_scene(const scene_request& request) {
     else if (request.wind_speed_mps || request.wind_from_deg) wind_->change(at_s, air);
     if (request.radio_on) radio_on_ = *request.radio_on;
     auto holds = wind_->at(at_s);
-    scene told;
-    told.wind_speed_mps = holds.speed_mps;
-    told.wind_from_deg = holds.from_deg;
-    told.original_wind = wind_->original();
-    told.radio_on = radio_on_;
-    return told;
+    scene result;
+    result.wind_speed_mps = holds.speed_mps;
+    result.wind_from_deg = holds.from_deg;
+    result.original_wind = wind_->original();
+    result.radio_on = radio_on_;
+    return result;
 }
 
 simulator::model_time boat_simulator::model_now() const {

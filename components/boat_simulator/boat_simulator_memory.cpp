@@ -34,8 +34,8 @@ void boat_simulator::remember() {
         remember_at_ = {};
     }
     auto executed = boat_->executed_count();
-    bool told = executed != commands_kept_;
-    if (told) {
+    bool reported = executed != commands_kept_;
+    if (reported) {
         const auto& all = boat_->executed();
         auto fresh = std::min<std::uint64_t>(executed - commands_kept_, all.size());
         for (auto at = all.end() - static_cast<std::ptrdiff_t>(fresh); at != all.end(); ++at)
@@ -46,7 +46,7 @@ void boat_simulator::remember() {
         forgotten_ = uplink_->link().acknowledged();
         kept(memory_->forget(forgotten_));
     }
-    if (!told && now() < remember_at_) return;
+    if (!reported && now() < remember_at_) return;
     remember_at_ = ise::saturating_add(now(), remember_period);
     kept(memory_->keep(boat_->remember()));
 }

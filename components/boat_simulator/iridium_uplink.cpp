@@ -65,7 +65,7 @@ void iridium_uplink::on_event(const iridium::sbd_event& event) {
         if (lost->message) ++failed_;
         acknowledgements_in_hand_ = 0; // they are sent with the next message
     } else if (const auto* attempt = std::get_if<iridium::sbd_attempt>(&event)) {
-        if (attempt->told.mo_arrived()) last_session_ = loop_.now();
+        if (attempt->status.mo_arrived()) last_session_ = loop_.now();
     } else if (const auto* received = std::get_if<iridium::sbd_received>(&event)) {
         auto packets = iridium::unbundle(received->data);
         if (!packets) {
@@ -94,14 +94,14 @@ void iridium_uplink::on_event(const iridium::sbd_event& event) {
 }
 
 link_status iridium_uplink::status() const {
-    link_status told;
-    told.link = link_id::iridium;
-    told.up = port_.ready();
-    told.queued = static_cast<std::uint16_t>(acknowledgements_.size() + telemetry_.size());
-    told.sent = static_cast<std::uint32_t>(sent_);
-    told.failed = static_cast<std::uint32_t>(failed_);
-    told.last_heard_age_s = std::chrono::duration<float>(loop_.now() - last_session_).count();
-    return told;
+    link_status result;
+    result.link = link_id::iridium;
+    result.up = port_.ready();
+    result.queued = static_cast<std::uint16_t>(acknowledgements_.size() + telemetry_.size());
+    result.sent = static_cast<std::uint32_t>(sent_);
+    result.failed = static_cast<std::uint32_t>(failed_);
+    result.last_heard_age_s = std::chrono::duration<float>(loop_.now() - last_session_).count();
+    return result;
 }
 
 } // namespace atirma

@@ -87,11 +87,11 @@ void radio_backlog::not_taken(ise::bytes_view raw) {
     if (found != kept_.end()) hold(*name, found->second);
 }
 
-std::vector<packet_name> radio_backlog::on_receipt(ise::time_point now, const telemetry_receipt& told) {
+std::vector<packet_name> radio_backlog::on_receipt(ise::time_point now, const telemetry_receipt& result) {
     heard_at_ = receipted_at_ = now;
     receipts_ = true;
     std::vector<packet_name> made;
-    for (const auto& name : told.packets) {
+    for (const auto& name : result.packets) {
         auto found = kept_.find(name);
         if (found == kept_.end() || held_.contains(name)) continue; // never sent, so no shore can have it
         forget(found);

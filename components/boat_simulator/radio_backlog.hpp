@@ -37,7 +37,7 @@ public:
     void on_radio_acknowledgement(ise::time_point now) noexcept { heard_at_ = now; }
     /// Removes the packets of a receipt that had been sent: a forged receipt can prevent repetitions, never a first
     /// transmission.
-    std::vector<packet_name> on_receipt(ise::time_point now, const telemetry_receipt& told);
+    std::vector<packet_name> on_receipt(ise::time_point now, const telemetry_receipt& result);
     void on_duty(unsigned percent) noexcept { duty_percent_ = percent; }
 
     bool alive(ise::time_point now) const noexcept { return now - heard_at_ < alive_for; }

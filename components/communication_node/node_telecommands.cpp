@@ -56,7 +56,8 @@ void node_telecommands::record_changes() {
         peer_.notify_news();
     }
     for (const auto& record : changes) audience_.tell(record.status);
-    for (const auto& told : router_.take_boat_epochs()) authority_.book().boat_obeys(told.obeyed, told.sent_under);
+    for (const auto& result : router_.take_boat_epochs())
+        authority_.book().boat_obeys(result.obeyed, result.sent_under);
 }
 
 void node_telecommands::begin_anew() {
@@ -204,16 +205,16 @@ ise::task<> node_telecommands::drive(command_router::give what) {
         what.request.valid_s = std::chrono::duration<float>(left - giving).count();
         auto got = co_await proxy->try_call(services::telecommand, what.request, giving);
         if (got && got->state != telecommand_stage::pending) {
-            telecommand_status told;
-            told.id = what.id;
-            told.kind = what.request.command.kind();
-            told.state = got->state;
-            told.result = got->result;
-            told.value = got->value;
-            told.boat_obeys = got->boat_obeys;
-            told.executed_at = got->executed_at;
-            told.text = got->text;
-            on_status(what.link, told);
+            telecommand_status outcome;
+            outcome.id = what.id;
+            outcome.kind = what.request.command.kind();
+            outcome.state = got->state;
+            outcome.result = got->result;
+            outcome.value = got->value;
+            outcome.boat_obeys = got->boat_obeys;
+            outcome.executed_at = got->executed_at;
+            outcome.text = got->text;
+            on_status(what.link, outcome);
             co_return;
         }
         if (!got && got.error().code() == ise::errc::refused) {
@@ -247,13 +248,13 @@ ise::task<recall_reply> node_telecommands::call_back(recall_request request, std
         recall_request there;
         there.id = request.id;
         there.why = fmt::format("by {}", who);
-        auto told = co_await proxy->try_call(services::telecommand_recall, there, 5s);
-        if (!told || !told->state || !is_final(*told->state)) continue;
+        auto response = co_await proxy->try_call(services::telecommand_recall, there, 5s);
+        if (!response || !response->state || !is_final(*response->state)) continue;
         telecommand_status status;
         status.id = request.id;
         status.kind = kind;
-        status.state = *told->state;
-        status.text = told->text;
+        status.state = *response->state;
+        status.text = response->text;
         // An answer of the boat comes with all that belongs to it by the proxy's own word.
         if (status.state != telecommand_stage::acknowledged) on_status(link, status);
     }
@@ -275,8 +276,8 @@ ise::task<> node_telecommands::recall(command_router::recall what) {
     recall_request request;
     request.id = what.id;
     request.why = fmt::format("acknowledged over {}", name_of(what.answered));
-    auto told = co_await proxy->try_call(services::telecommand_recall, request, 10s);
-    if (told) here_.self.log().debug("recalled", {{"id", std::to_string(what.id)}, {"outcome", told->text}});
+    auto response = co_await proxy->try_call(services::telecommand_recall, request, 10s);
+    if (response) here_.self.log().debug("recalled", {{"id", std::to_string(what.id)}, {"outcome", response->text}});
 }
 
 } // namespace atirma

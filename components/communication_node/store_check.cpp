@@ -52,7 +52,7 @@ void store_reader::unreadable(std::string why) {
 std::vector<database_row> store_reader::next_rows(std::string_view sql, std::int64_t& after, std::size_t most,
                                                   std::size_t place) {
     std::int64_t stride = 1;
-    bool told = false;
+    bool reported = false;
     for (;;) {
         // Where many together fail, one of them may be readable.
         for (auto some : {most, std::size_t{1}}) {
@@ -61,7 +61,7 @@ std::vector<database_row> store_reader::next_rows(std::string_view sql, std::int
                 if (!rows->empty()) after = rows->back().integer(place);
                 return std::move(*rows);
             }
-            if (!std::exchange(told, true)) unreadable(rows.error().message());
+            if (!std::exchange(reported, true)) unreadable(rows.error().message());
         }
         if (after > std::numeric_limits<std::int64_t>::max() - stride) return {};
         after += stride;

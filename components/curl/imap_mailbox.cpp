@@ -43,7 +43,7 @@ private:
 
 /// For a mailbox a lost session is one that could not be reached: nothing is lost by trying again.
 template <class T>
-ise::result<T> told(ise::result<T> outcome) {
+ise::result<T> lost_is_unreachable(ise::result<T> outcome) {
     if (outcome || outcome.error().code() != ise::errc::peer_lost) return outcome;
     return ise::failure(ise::errc::unreachable, outcome.error().message());
 }
@@ -69,7 +69,7 @@ ise::task<ise::result<std::vector<stored_mail>>> imap_mailbox::fetch(std::size_t
     unless_done guard(session_);
     auto found = co_await fetch_now(most);
     if (found) guard.done();
-    co_return told(std::move(found));
+    co_return lost_is_unreachable(std::move(found));
 }
 
 ise::task<ise::result<std::vector<stored_mail>>> imap_mailbox::fetch_now(std::size_t most) {
@@ -125,7 +125,7 @@ ise::task<ise::result<void>> imap_mailbox::done(std::uint32_t uid) {
     unless_done guard(session_);
     auto outcome = co_await mark(uid);
     if (outcome) guard.done();
-    co_return told(std::move(outcome));
+    co_return lost_is_unreachable(std::move(outcome));
 }
 
 ise::task<ise::result<void>> imap_mailbox::mark(std::uint32_t uid) {
@@ -171,7 +171,7 @@ ise::task<ise::result<void>> imap_mailbox::wait(ise::duration at_most) {
     unless_done guard(session_);
     auto outcome = co_await watch(at_most);
     if (outcome) guard.done();
-    co_return told(std::move(outcome));
+    co_return lost_is_unreachable(std::move(outcome));
 }
 
 ise::task<ise::result<void>> imap_mailbox::watch(ise::duration at_most) {

@@ -55,9 +55,9 @@ public:
     bool always() const override { return true; } // the track
 
     void take(const ise::dynamic_packet& packet, ise::wall_time at, std::vector<derived_message>& to) override {
-        auto told = packet.as<telemetry_packet>();
+        auto result = packet.as<telemetry_packet>();
         const auto malformed = reports_.malformed();
-        auto kind = reports_.take(told);
+        auto kind = reports_.take(result);
         if (reports_.malformed() != malformed)
             throw ise::error(ise::errc::malformed, "a report of the boat cannot be read");
         if (!kind) return;

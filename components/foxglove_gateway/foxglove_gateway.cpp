@@ -140,7 +140,7 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
     std::size_t operations = 0;
     log_limiter quiet;
 
-    bool shows(const service_text& service) const { return options.has(service); }
+    bool shows(const service_info& service) const { return options.has(service); }
 
     // The same channel has the same number when it comes again.
     std::uint32_t number_of(const std::string& what) {
@@ -250,14 +250,14 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
     }
 
     /// A component has been described.
-    void learn(const std::string& path, component_info told) {
+    void learn(const std::string& path, component_info outcome) {
         auto& of = components[path];
         std::vector<const channel_info*> new_channels;
         std::vector<const service_info*> new_services;
         std::vector<std::uint32_t> old_channels, old_services;
         std::map<std::string, std::string> now;
         of.has_parameters = false;
-        for (const auto& service : told.services) {
+        for (const auto& service : outcome.services) {
             of.has_parameters = of.has_parameters || (service.provided && service.name == parameters_service.name());
             if (!shows(service)) continue;
             auto& types = now[service.name];
@@ -267,7 +267,7 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
         for (const auto& [name, types] : std::map(of.services))
             if (auto still = now.find(name); still == now.end() || still->second != types)
                 hide(of, name, old_channels, old_services);
-        for (const auto& service : told.services) {
+        for (const auto& service : outcome.services) {
             if (!shows(service) || of.services.contains(service.name)) continue;
             of.services[service.name] = now[service.name];
             if (channels.size() >= max_channels) {
@@ -284,7 +284,7 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
             }
             if (!why.empty()) self.log().warning(fmt::format("'{}/{}' is not shown: {}", path, service.name, why));
         }
-        of.about = std::move(told);
+        of.about = std::move(outcome);
         advertise(new_channels, new_services, old_channels, old_services);
     }
 
@@ -732,9 +732,9 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
         who->text(write_call_failure(asked.service, asked.call, text));
     }
 
-    static std::vector<parameter_info> infos(const std::string& path, const parameters_response& told) {
+    static std::vector<parameter_info> infos(const std::string& path, const parameters_response& details) {
         std::vector<parameter_info> made;
-        for (const auto& one : told.parameters) {
+        for (const auto& one : details.parameters) {
             auto& next = made.emplace_back();
             next.name = fmt::format("{}/{}", path, one.about.name);
             next.kind = one.about.kind;
@@ -748,8 +748,8 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
     static task<> read_parameters(std::shared_ptr<state> me, std::string path) {
         auto who = me->self.at(path);
         parameters_request question;
-        auto told = co_await who.try_call(parameters_service, question, question_limit);
-        if (told) me->refresh(path, infos(path, *told));
+        auto reply = co_await who.try_call(parameters_service, question, question_limit);
+        if (reply) me->refresh(path, infos(path, *reply));
     }
     void refresh(const std::string& path, std::vector<parameter_info> now) {
         if (!components.contains(path)) return;
@@ -779,11 +779,11 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
     }
 
     void tell_parameters(viewer& who, const std::vector<std::string>& names, const std::optional<std::string>& id) {
-        std::vector<const parameter_info*> told;
+        std::vector<const parameter_info*> outcome;
         for (const auto& path : owners(names))
             for (const auto& one : parameters[path])
-                if (names.empty() || contains(names, one.name)) told.push_back(&one);
-        who.text(write_parameters(told, id));
+                if (names.empty() || contains(names, one.name)) outcome.push_back(&one);
+        who.text(write_parameters(outcome, id));
     }
 
     static task<> get_parameters(std::shared_ptr<state> me, std::shared_ptr<viewer> who, get_parameters_message asked) {
@@ -812,11 +812,11 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
         }
         for (const auto& [path, change] : changes) {
             auto provider = me->self.at(path);
-            auto told = co_await provider.try_call(change_parameters_service, change, question_limit);
-            if (told) {
+            auto reply = co_await provider.try_call(change_parameters_service, change, question_limit);
+            if (reply) {
                 co_await read_parameters(me, path);
             } else {
-                refuse(*who, fmt::format("setParameters: {}: {}", path, told.error().message()));
+                refuse(*who, fmt::format("setParameters: {}: {}", path, reply.error().message()));
                 co_await read_parameters(me, path);
             }
         }
@@ -899,8 +899,8 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
         for (const auto& path : paths) {
             auto who = me->self.at(path);
             describe_request question;
-            auto told = co_await who.try_call(describe_service, question, question_limit);
-            if (told && me->components.contains(path)) me->learn(path, std::move(*told));
+            auto reply = co_await who.try_call(describe_service, question, question_limit);
+            if (reply && me->components.contains(path)) me->learn(path, std::move(*reply));
         }
         auto now = me->draw();
         auto news = write_graph_change(me->graph, now);

@@ -150,10 +150,10 @@ ise::result<line> parse(std::string_view text) {
         return ise::failure(ise::errc::too_large, fmt::format("a line of more than {} characters", max_line));
     if (text.size() < 4 || text.front() != '$' || text[text.size() - 3] != '*') return wrong("it is not $…*hh");
     auto content = text.substr(1, text.size() - 4);
-    auto told = text.substr(text.size() - 2);
+    auto outcome = text.substr(text.size() - 2);
     std::uint8_t sum = 0;
-    auto [end, error] = std::from_chars(told.data(), told.data() + told.size(), sum, 16);
-    if (error != std::errc{} || end != told.data() + told.size()) return wrong("the checksum is not a number");
+    auto [end, error] = std::from_chars(outcome.data(), outcome.data() + outcome.size(), sum, 16);
+    if (error != std::errc{} || end != outcome.data() + outcome.size()) return wrong("the checksum is not a number");
     if (sum != checksum(content)) return wrong("the checksum does not fit");
     fields split;
     for (;;) {

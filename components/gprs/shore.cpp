@@ -41,14 +41,14 @@ void shore::on_bytes(ise::time_point now, std::uint64_t channel, ise::bytes_view
             return;
         }
         if (!*got) return cut_stranger(who, got->error().message());
-        const auto* told = std::get_if<login>(&**got);
-        if (!told) return cut_stranger(who, "its first line is not a login");
-        if (told->id != options_.boat_id)
-            return cut_stranger(who, fmt::format("it calls itself '{}', which is not the boat", told->id));
+        const auto* result = std::get_if<login>(&**got);
+        if (!result) return cut_stranger(who, "its first line is not a login");
+        if (result->id != options_.boat_id)
+            return cut_stranger(who, fmt::format("it calls itself '{}', which is not the boat", result->id));
         auto by = who->by;
         auto reader = std::move(who->reader);
         strangers_.erase(who);
-        admit(now, by, *told, std::move(reader));
+        admit(now, by, *result, std::move(reader));
     } else if (boat_ && !boat_->datagrams && boat_->channel == channel) {
         reader_.push(bytes);
     } else {
@@ -81,18 +81,18 @@ void shore::on_datagram(ise::time_point now, const way& by, ise::bytes_view cont
     } else {
         if (!got) return refuse("it is empty");
         if (!*got) return refuse(got->error().message());
-        const auto* told = std::get_if<login>(&**got);
-        if (!told) return refuse("it brings no login");
-        if (told->id != options_.boat_id)
-            return refuse(fmt::format("it calls itself '{}', which is not the boat", told->id));
+        const auto* result = std::get_if<login>(&**got);
+        if (!result) return refuse("it brings no login");
+        if (result->id != options_.boat_id)
+            return refuse(fmt::format("it calls itself '{}', which is not the boat", result->id));
         if (boat_ && !boat_->datagrams)
             return refuse(fmt::format("the boat is there over a connection, from {}", boat_->peer.text()));
         if (!proven) {
             ++counters_.challenges;
-            tell(send_text{by, encode(challenge{told->token, key_of(by)})});
+            tell(send_text{by, encode(challenge{result->token, key_of(by)})});
             return;
         }
-        admit(now, by, *told, line_reader());
+        admit(now, by, *result, line_reader());
     }
     while (boat_ == by) {
         got = reader.next();
@@ -102,7 +102,7 @@ void shore::on_datagram(ise::time_point now, const way& by, ise::bytes_view cont
     acknowledge();
 }
 
-void shore::admit(ise::time_point now, const way& by, const login& told, line_reader reader) {
+void shore::admit(ise::time_point now, const way& by, const login& result, line_reader reader) {
     bool moved = boat_.has_value();
     if (moved) {
         ++counters_.moves;
@@ -112,7 +112,7 @@ void shore::admit(ise::time_point now, const way& by, const login& told, line_re
     reader_ = std::move(reader);
     bad_lines_ = 0;
     came_at_ = heard_at_ = now;
-    take_login(told);
+    take_login(result);
     tell(boat_came{by, moved});
 }
 
@@ -128,8 +128,8 @@ void shore::take(ise::time_point now, const ise::result<line>& got) {
     }
     bad_lines_ = 0;
     heard_at_ = now;
-    if (const auto* told = std::get_if<login>(&*got)) {
-        if (told->id == options_.boat_id) return take_login(*told);
+    if (const auto* report = std::get_if<login>(&*got)) {
+        if (report->id == options_.boat_id) return take_login(*report);
         ++counters_.malformed;
     } else if (const auto* data = std::get_if<record>(&*got)) {
         take_record(record(*data));
@@ -144,23 +144,23 @@ void shore::take(ise::time_point now, const ise::result<line>& got) {
     }
 }
 
-void shore::take_login(const login& told) {
+void shore::take_login(const login& result) {
     ++counters_.logins;
-    if (std::pair(told.boot, told.token) != std::pair(boot_, token_)) owed_.clear();
-    boot_ = told.boot;
-    token_ = told.token;
-    auto& of = life_of(told.boot);
-    if (told.last < of.safe.complete()) {
+    if (std::pair(result.boot, result.token) != std::pair(boot_, token_)) owed_.clear();
+    boot_ = result.boot;
+    token_ = result.token;
+    auto& of = life_of(result.boot);
+    if (result.last < of.safe.complete()) {
         // It has given fewer numbers than it was acknowledged.
         if (boat_->datagrams) return; // a datagram of long ago
         tell(remark{fmt::format("boot {} counts from {} again, and had come to {}: give each start of the boat another "
                                 "boot number and token",
-                                told.boot, told.first_unacked, of.safe.complete())});
+                                result.boot, result.first_unacked, of.safe.complete())});
         start_afresh(of);
     }
-    of.announced = std::max(of.announced, told.last);
-    auto gone = of.received.skip_to(told.first_unacked - 1);
-    of.safe.skip_to(told.first_unacked - 1);
+    of.announced = std::max(of.announced, result.last);
+    auto gone = of.received.skip_to(result.first_unacked - 1);
+    of.safe.skip_to(result.first_unacked - 1);
     // Of a life that is new here the shore does not know what was acknowledged before: by another proxy, or its last
     // start.
     if (gone > 0 && of.heard) {
@@ -168,25 +168,25 @@ void shore::take_login(const login& told) {
         tell(remark{fmt::format("the boat gave up {} packets that had not arrived: its memory was full", gone)});
     }
     of.heard = true;
-    owed_.insert(told.boot);
+    owed_.insert(result.boot);
 }
 
-void shore::take_record(record&& told) {
-    auto& of = life_of(told.boot);
-    of.announced = std::max(of.announced, told.number);
-    if (of.received.contains(told.number)) {
+void shore::take_record(record&& result) {
+    auto& of = life_of(result.boot);
+    of.announced = std::max(of.announced, result.number);
+    if (of.received.contains(result.number)) {
         ++counters_.resends;
-        owed_.insert(told.boot); // the acknowledgement did not arrive
+        owed_.insert(result.boot); // the acknowledgement did not arrive
         return;
     }
-    if (unsafe_ >= options_.max_unsafe || !of.received.add(told.number)) {
+    if (unsafe_ >= options_.max_unsafe || !of.received.add(result.number)) {
         ++counters_.postponed;
         return;
     }
     ++unsafe_;
     ++counters_.records;
-    if (told.history) ++counters_.history;
-    tell(record_came{of.id, told.number, told.history, std::move(told.raw)});
+    if (result.history) ++counters_.history;
+    tell(record_came{of.id, result.number, result.history, std::move(result.raw)});
 }
 
 void shore::safe(std::uint64_t life_id, const std::vector<std::uint32_t>& numbers) {

@@ -145,9 +145,9 @@ private:
     life& life_of(std::uint16_t boot);
     const life* known(std::uint16_t boot) const;
     void take(ise::time_point now, const ise::result<line>& got);
-    void take_login(const login& told);
-    void take_record(record&& told);
-    void admit(ise::time_point now, const way& by, const login& told, line_reader reader);
+    void take_login(const login& outcome);
+    void take_record(record&& outcome);
+    void admit(ise::time_point now, const way& by, const login& outcome, line_reader reader);
     void lose_boat(const std::string& reason);
     void cut_stranger(std::list<stranger>::iterator who, std::string reason);
     void acknowledge();

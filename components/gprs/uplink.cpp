@@ -105,10 +105,10 @@ void uplink::on_datagram(ise::time_point now, ise::bytes_view content) {
     else ++counters_.malformed;
 }
 
-void uplink::on_challenge(ise::time_point now, const challenge& told) {
-    if (key_ == told.key) return;
+void uplink::on_challenge(ise::time_point now, const challenge& result) {
+    if (key_ == result.key) return;
     if (!key_) begin_history(); // nothing could be sent by this way before
-    key_ = told.key;
+    key_ = result.key;
     login_due_ = true;
     for (auto& packet : ring_) // what was sent under another key was a stranger's
         if (under_way(packet)) packet.sent_at = now - resend_after();
@@ -118,13 +118,13 @@ void uplink::take(ise::time_point now, line_reader& from) {
     for (;;) {
         auto got = from.next();
         if (!got) return;
-        const auto* told = *got ? &**got : nullptr;
-        if (told && std::holds_alternative<receipt>(*told)) {
-            on_receipt(now, std::get<receipt>(*told));
-        } else if (told && std::holds_alternative<order>(*told)) {
+        const auto* result = *got ? &**got : nullptr;
+        if (result && std::holds_alternative<receipt>(*result)) {
+            on_receipt(now, std::get<receipt>(*result));
+        } else if (result && std::holds_alternative<order>(*result)) {
             heard_at_ = now;
             bad_lines_ = 0;
-            if (orders_.size() < max_orders) orders_.push_back(std::get<order>(*told)); // else it comes again
+            if (orders_.size() < max_orders) orders_.push_back(std::get<order>(*result)); // else it comes again
         } else {
             ++counters_.malformed;
             ++bad_lines_;
@@ -132,8 +132,8 @@ void uplink::take(ise::time_point now, line_reader& from) {
     }
 }
 
-void uplink::on_receipt(ise::time_point now, const receipt& told) {
-    if (told.boot != boot_ || told.number > last_number()) {
+void uplink::on_receipt(ise::time_point now, const receipt& result) {
+    if (result.boot != boot_ || result.number > last_number()) {
         ++counters_.malformed;
         ++bad_lines_;
         return;
@@ -142,7 +142,7 @@ void uplink::on_receipt(ise::time_point now, const receipt& told) {
     bool first = !std::exchange(answered_, true);
     factor_ = 1;
     heard_at_ = now;
-    while (!ring_.empty() && first_ <= told.number) {
+    while (!ring_.empty() && first_ <= result.number) {
         forget_first();
         ++counters_.acknowledged;
     }
@@ -236,19 +236,19 @@ std::optional<std::uint32_t> uplink::choose() {
 std::string uplink::record_text(ise::time_point now, std::uint32_t number) {
     auto& packet = at(number);
     bool again = under_way(packet);
-    record told;
-    told.boot = boot_;
-    told.number = number;
-    told.unix_s = packet.unix_s;
-    told.history = number != fix_ && (again || number <= old_);
-    told.raw = packet.raw;
+    record result;
+    result.boot = boot_;
+    result.number = number;
+    result.unix_s = packet.unix_s;
+    result.history = number != fix_ && (again || number <= old_);
+    result.raw = packet.raw;
     if (!again && number <= old_) ++old_under_way_;
     asked_again_ = asked_again_ || again;
     ++(packet.sent_in != 0 ? counters_.resent : counters_.sent);
     packet.sent_in = session_;
     packet.sent_at = said_at_ = now;
     if (!asked_at_) asked_at_ = now;
-    return encode(told);
+    return encode(result);
 }
 
 std::optional<order> uplink::take_order() {

@@ -85,8 +85,8 @@ private:
     void forget_first();
     void on_datagram(ise::time_point now, ise::bytes_view content);
     void take(ise::time_point now, line_reader& from);
-    void on_challenge(ise::time_point now, const challenge& told);
-    void on_receipt(ise::time_point now, const receipt& told);
+    void on_challenge(ise::time_point now, const challenge& result);
+    void on_receipt(ise::time_point now, const receipt& result);
     std::optional<std::uint32_t> choose();
     std::string login_text(ise::time_point now);
     std::string record_text(ise::time_point now, std::uint32_t number);

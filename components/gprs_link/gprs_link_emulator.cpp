@@ -153,23 +153,24 @@ void gprs_link_emulator::switch_to(bool up) {
 
 carrier_state gprs_link_emulator::state() {
     auto& c = *carrying_;
-    carrier_state told;
-    for (const auto& at : c.listening) told.listening.push_back(at.text());
-    told.up = c.air.up;
-    if (c.until != ise::time_point::max()) told.outage_left_s = std::chrono::duration<double>(c.until - now()).count();
-    told.delay_s = std::chrono::duration<double>(c.air.delay).count();
-    told.jitter_s = std::chrono::duration<double>(c.air.jitter).count();
-    told.loss = c.air.loss;
-    told.connections = c.streams.calls() + c.datagrams.flows();
-    told.half_open = c.streams.frozen() + c.datagrams.frozen();
-    told.turned_away = c.air.turned_away;
-    told.dropped = c.air.dropped;
-    told.address_changes = c.air.address_changes;
-    told.bytes_up = c.air.bytes_up;
-    told.bytes_down = c.air.bytes_down;
-    told.datagrams_lost = c.air.datagrams_lost;
-    told.held_bytes = c.streams.held();
-    return told;
+    carrier_state result;
+    for (const auto& at : c.listening) result.listening.push_back(at.text());
+    result.up = c.air.up;
+    if (c.until != ise::time_point::max())
+        result.outage_left_s = std::chrono::duration<double>(c.until - now()).count();
+    result.delay_s = std::chrono::duration<double>(c.air.delay).count();
+    result.jitter_s = std::chrono::duration<double>(c.air.jitter).count();
+    result.loss = c.air.loss;
+    result.connections = c.streams.calls() + c.datagrams.flows();
+    result.half_open = c.streams.frozen() + c.datagrams.frozen();
+    result.turned_away = c.air.turned_away;
+    result.dropped = c.air.dropped;
+    result.address_changes = c.air.address_changes;
+    result.bytes_up = c.air.bytes_up;
+    result.bytes_down = c.air.bytes_down;
+    result.datagrams_lost = c.air.datagrams_lost;
+    result.held_bytes = c.streams.held();
+    return result;
 }
 
 } // namespace atirma

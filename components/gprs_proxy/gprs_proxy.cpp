@@ -178,8 +178,8 @@ void gprs_proxy::handle(const gprs::shore_event& event) {
         publish_state();
     } else if (const auto* record = std::get_if<gprs::record_came>(&event)) {
         on_record(*record);
-    } else if (const auto* told = std::get_if<gprs::outcome_came>(&event)) {
-        on_outcome(told->what);
+    } else if (const auto* result = std::get_if<gprs::outcome_came>(&event)) {
+        on_outcome(result->what);
     } else if (const auto* said = std::get_if<gprs::remark>(&event)) {
         log().warning(said->text, {{"from", l.from}});
     }
@@ -191,9 +191,9 @@ std::optional<ise::bytes> gprs_proxy::opened(const ise::bytes& raw) {
     if (!l.seal) return raw;
     auto got = l.seal->open(raw);
     if (auto question = l.seal->take_question(); !question.empty()) {
-        gprs::order told;
-        told.raw = std::move(question);
-        l.shore.send(told); // if the boat has gone, its next notice is answered
+        gprs::order result;
+        result.raw = std::move(question);
+        l.shore.send(result); // if the boat has gone, its next notice is answered
     }
     if (!got) {
         ++l.counts.malformed;
@@ -241,22 +241,22 @@ void gprs_proxy::on_record(const gprs::record_came& came) {
     l.packets.push_back(std::move(out));
 }
 
-void gprs_proxy::on_outcome(const gprs::outcome& told) {
+void gprs_proxy::on_outcome(const gprs::outcome& result) {
     auto& l = *link_;
     acknowledgement ack;
-    if (!told.raw.empty() || l.seal) {
-        auto raw = opened(told.raw);
+    if (!result.raw.empty() || l.seal) {
+        auto raw = opened(result.raw);
         if (!raw) return;
         auto whole = parse_acknowledgement(*raw);
-        if (!whole || whole->id != told.id) {
+        if (!whole || whole->id != result.id) {
             ++l.counts.malformed;
             return;
         }
         ack = std::move(*whole);
-    } else if (const auto* known = l.commands.tracker().find(told.id)) { // a boat of few words
-        ack.id = told.id;
+    } else if (const auto* known = l.commands.tracker().find(result.id)) { // a boat of few words
+        ack.id = result.id;
         ack.kind = known->command.kind();
-        ack.code = static_cast<ack_code>(told.code);
+        ack.code = static_cast<ack_code>(result.code);
     }
     if (l.commands.tracker().on_acknowledgement(l.commands.now(), ack)) ++l.counts.telecommands_acknowledged;
 }
@@ -283,20 +283,20 @@ bool gprs_proxy::give() {
     if (!l.shore.boat()) return false;
     using kind = link_outcome::kind;
     while (auto due = tracker.next_due(l.commands.now())) {
-        gprs::order told;
-        told.id = due->id;
-        told.raw = std::move(due->raw);
+        gprs::order result;
+        result.id = due->id;
+        result.raw = std::move(due->raw);
         if (l.seal) { // each attempt anew: the boat accepts a counter once
-            auto sealed = l.seal->seal(told.raw);
+            auto sealed = l.seal->seal(result.raw);
             if (!sealed) {
-                tracker.on_outcome(l.commands.now(), told.id, make_outcome(kind::later, sealed.error().message()));
+                tracker.on_outcome(l.commands.now(), result.id, make_outcome(kind::later, sealed.error().message()));
                 continue;
             }
-            told.raw = std::move(*sealed);
+            result.raw = std::move(*sealed);
         }
-        bool sent = l.shore.send(told);
+        bool sent = l.shore.send(result);
         if (sent) ++l.counts.telecommands_sent;
-        tracker.on_outcome(l.commands.now(), told.id,
+        tracker.on_outcome(l.commands.now(), result.id,
                            sent ? make_outcome(kind::delivered, "left the shore; the boat's answer is awaited")
                                 : make_outcome(kind::later, "the boat is not there"));
     }
@@ -306,34 +306,34 @@ bool gprs_proxy::give() {
 
 void gprs_proxy::publish_state() {
     auto& l = *link_;
-    auto told = l.counts;
-    for (const auto& at : l.listening) told.listening.push_back(at.text());
-    told.connected = l.shore.boat().has_value();
-    told.from = l.from;
-    told.trouble = l.keeper && !l.keeper->trouble().empty() ? l.keeper->trouble() : l.gone;
+    auto result = l.counts;
+    for (const auto& at : l.listening) result.listening.push_back(at.text());
+    result.connected = l.shore.boat().has_value();
+    result.from = l.from;
+    result.trouble = l.keeper && !l.keeper->trouble().empty() ? l.keeper->trouble() : l.gone;
     const auto& counted = l.shore.counters();
-    if (told.connected) told.connected_since = civil(l.shore.came_at());
-    if (counted.logins > 0) told.last_heard = civil(l.shore.heard_at());
-    told.boot = l.shore.boot();
-    told.acknowledged = l.shore.acknowledged();
-    told.announced = l.shore.announced();
-    told.not_safe_yet = l.shore.unsafe();
-    told.logins = counted.logins;
-    told.moves = counted.moves;
-    told.half_open = counted.half_open;
-    told.packets_received = counted.records;
-    told.resends = counted.resends;
-    told.postponed = counted.postponed;
-    told.given_up = counted.given_up;
-    told.malformed += counted.malformed;
-    told.strangers = l.shore.strangers();
-    told.strangers_cut_off = counted.strangers_cut_off;
-    told.stranger_datagrams = counted.stranger_datagrams;
-    told.challenges = counted.challenges;
-    told.strange_outcomes = counted.strange_outcomes;
-    told.telecommands_open = l.commands.tracker().open_count();
-    told.seal = seal::shore_link::report(l.seal);
-    l.states(told);
+    if (result.connected) result.connected_since = civil(l.shore.came_at());
+    if (counted.logins > 0) result.last_heard = civil(l.shore.heard_at());
+    result.boot = l.shore.boot();
+    result.acknowledged = l.shore.acknowledged();
+    result.announced = l.shore.announced();
+    result.not_safe_yet = l.shore.unsafe();
+    result.logins = counted.logins;
+    result.moves = counted.moves;
+    result.half_open = counted.half_open;
+    result.packets_received = counted.records;
+    result.resends = counted.resends;
+    result.postponed = counted.postponed;
+    result.given_up = counted.given_up;
+    result.malformed += counted.malformed;
+    result.strangers = l.shore.strangers();
+    result.strangers_cut_off = counted.strangers_cut_off;
+    result.stranger_datagrams = counted.stranger_datagrams;
+    result.challenges = counted.challenges;
+    result.strange_outcomes = counted.strange_outcomes;
+    result.telecommands_open = l.commands.tracker().open_count();
+    result.seal = seal::shore_link::report(l.seal);
+    l.states(result);
 }
 
 } // namespace atirma

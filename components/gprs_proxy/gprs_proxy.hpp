@@ -49,7 +49,7 @@ private:
     void handle(const gprs::shore_event& event);
     std::optional<ise::bytes> opened(const ise::bytes& raw);
     void on_record(const gprs::record_came& came);
-    void on_outcome(const gprs::outcome& told);
+    void on_outcome(const gprs::outcome& result);
     ise::task<> keep();
     bool give();
     void publish_state();

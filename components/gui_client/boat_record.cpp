@@ -20,28 +20,28 @@ bool boat_record::on_message(const telemetry_message& message, const telemetry_p
     return false;
 }
 
-bool boat_record::take(const navigation& told, const telemetry_packet& packet, utc_time now) {
-    bool other = !view_.sailing || view_.sailing->value.mode != told.mode;
-    if (!take_newer(view_.sailing, told, packet, now)) return false;
+bool boat_record::take(const navigation& result, const telemetry_packet& packet, utc_time now) {
+    bool other = !view_.sailing || view_.sailing->value.mode != result.mode;
+    if (!take_newer(view_.sailing, result, packet, now)) return false;
     if (other) view_.mode_since = view_.sailing->measured_at;
     return true;
 }
 
-bool boat_record::take(const location& told, const telemetry_packet& packet, utc_time now) {
-    bool fix = has_fix(told);
+bool boat_record::take(const location& result, const telemetry_packet& packet, utc_time now) {
+    bool fix = has_fix(result);
     bool newest = !packet.history && (!view_.position || plausible_time(packet) >= view_.position->measured_at);
     if (newest) view_.has_fix = fix;
     if (!packet.history) view_.rhythm.on_report(packet.link, plausible_time(packet));
-    return fix && take_newer(view_.position, told, packet, now);
+    return fix && take_newer(view_.position, result, packet, now);
 }
 
-bool boat_record::take(const link_status& told, const telemetry_packet& packet, utc_time now) {
-    auto place = static_cast<std::size_t>(told.link);
-    return place < link_count && take_newer(view_.links[place], told, packet, now);
+bool boat_record::take(const link_status& result, const telemetry_packet& packet, utc_time now) {
+    auto place = static_cast<std::size_t>(result.link);
+    return place < link_count && take_newer(view_.links[place], result, packet, now);
 }
 
-bool boat_record::take(const notice& told, const telemetry_packet& packet, utc_time now) {
-    view_.notices.push_back(heard<notice>{told, packet.measured_at, now, packet.link, packet.boot});
+bool boat_record::take(const notice& result, const telemetry_packet& packet, utc_time now) {
+    view_.notices.push_back(heard<notice>{result, packet.measured_at, now, packet.link, packet.boot});
     if (view_.notices.size() > max_notices_) view_.notices.erase(view_.notices.begin());
     return true;
 }

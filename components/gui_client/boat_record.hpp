@@ -20,10 +20,10 @@ public:
     const boat_view& view() const noexcept { return view_; }
 
 private:
-    bool take(const navigation& told, const telemetry_packet& packet, utc_time now);
-    bool take(const location& told, const telemetry_packet& packet, utc_time now);
-    bool take(const link_status& told, const telemetry_packet& packet, utc_time now);
-    bool take(const notice& told, const telemetry_packet& packet, utc_time now);
+    bool take(const navigation& result, const telemetry_packet& packet, utc_time now);
+    bool take(const location& result, const telemetry_packet& packet, utc_time now);
+    bool take(const link_status& result, const telemetry_packet& packet, utc_time now);
+    bool take(const notice& result, const telemetry_packet& packet, utc_time now);
 
     std::size_t max_notices_;
     boat_view view_;

@@ -37,7 +37,7 @@ public:
     void on_status(const std::string& path, const telecommand_status& status, utc_time now);
     void on_xbee(const std::string& path, const xbee_local& local, utc_time now);
     void on_xbee_answer(const std::string& path, std::string text);
-    void on_gprs(const std::string& path, const gprs_state& told, utc_time now);
+    void on_gprs(const std::string& path, const gprs_state& result, utc_time now);
     void on_account(const std::string& path, const iridium_account& account, utc_time now);
     void on_lost(const std::string& path, std::uint64_t packets);
     /// A proxy is followed from now on. False: there are `max_links` already.
@@ -48,9 +48,9 @@ public:
     /// `path` is the role of the communication nodes: its packets came over any link, at any time in the past.
     void stands_for_all(const std::string& path);
     /// A communication node reports its state; `told` null: only whether it is reached.
-    void on_node(const std::string& path, bool connected, std::string trouble, const communication_state* told,
+    void on_node(const std::string& path, bool connected, std::string trouble, const communication_state* result,
                  utc_time now);
-    void on_authority(const authority_state& told, utc_time now);
+    void on_authority(const authority_state& result, utc_time now);
     void on_finding(finding_view finding) { finding_ = std::move(finding); }
     void on_present(std::vector<present_component> all);
 

@@ -46,10 +46,10 @@ void console_state::takes_commands(const std::string& path) {
     if (auto* link = link_at(path)) link->takes_commands = true;
 }
 
-void console_state::on_gprs(const std::string& path, const gprs_state& told, utc_time now) {
+void console_state::on_gprs(const std::string& path, const gprs_state& result, utc_time now) {
     auto* link = link_at(path);
     if (!link) return;
-    link->gprs = told;
+    link->gprs = result;
     link->told_at = now;
 }
 
@@ -69,7 +69,7 @@ void console_state::stands_for_all(const std::string& path) {
 }
 
 void console_state::on_node(const std::string& path, bool connected, std::string trouble,
-                            const communication_state* told, utc_time now) {
+                            const communication_state* result, utc_time now) {
     auto known = nodes_.find(path);
     if (known == nodes_.end()) {
         if (nodes_.size() >= options_.max_links) return;
@@ -80,20 +80,20 @@ void console_state::on_node(const std::string& path, bool connected, std::string
     auto& node = known->second;
     node.connected = connected;
     node.trouble = std::move(trouble);
-    if (!told) return;
-    node.state = *told;
+    if (!result) return;
+    node.state = *result;
     node.told_at = now;
 }
 
-void console_state::on_authority(const authority_state& told, utc_time now) {
+void console_state::on_authority(const authority_state& result, utc_time now) {
     // After a fail-over the other node may not know the newest change yet.
-    if (authority_.known && told.epoch < authority_.state.epoch) return;
+    if (authority_.known && result.epoch < authority_.state.epoch) return;
     bool was_mine = authority_.mine();
     authority_.known = true;
-    authority_.state = told;
+    authority_.state = result;
     if (was_mine && !authority_.mine() && !authority_.changing)
         alarms_.tell("authority:lost", severity::warning,
-                     fmt::format("This console has lost the authority over the boat: {}", told.how), now);
+                     fmt::format("This console has lost the authority over the boat: {}", result.how), now);
     watch_requests(now);
 }
 

@@ -65,9 +65,9 @@ ise::task<> mission_control::run_upload(upload_mission what) {
     show(upload_phase::reading_back, points.size(), points.size(), "reads the list back");
     const auto& on_boat = context_.state.mission().view();
     for (int attempt = 0; attempt < read_backs; ++attempt) {
-        bool told = co_await read_back(what.via, &cancelled_);
+        bool reported = co_await read_back(what.via, &cancelled_);
         if (cancelled_) break;
-        if (!told || !same(on_boat.points, points)) continue;
+        if (!reported || !same(on_boat.points, points)) continue;
         co_return show(upload_phase::verified, points.size(), points.size(),
                        fmt::format("the boat has all {} waypoints", points.size()));
     }

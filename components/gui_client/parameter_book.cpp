@@ -7,13 +7,13 @@
 namespace atirma::console {
 namespace {
 
-std::optional<float> setting(const configuration& told, parameter_id id) {
+std::optional<float> setting(const configuration& result, parameter_id id) {
     switch (id) {
-        case parameter_id::time_to_next_tack: return told.time_to_next_tack_s;
-        case parameter_id::forbidden_angle_upwind: return told.forbidden_angle_upwind_deg;
-        case parameter_id::forbidden_angle_downwind: return told.forbidden_angle_downwind_deg;
-        case parameter_id::telemetry_period: return told.telemetry_period_s[static_cast<std::size_t>(link_id::xbee)];
-        case parameter_id::leeway_compensation: return told.leeway_compensation;
+        case parameter_id::time_to_next_tack: return result.time_to_next_tack_s;
+        case parameter_id::forbidden_angle_upwind: return result.forbidden_angle_upwind_deg;
+        case parameter_id::forbidden_angle_downwind: return result.forbidden_angle_downwind_deg;
+        case parameter_id::telemetry_period: return result.telemetry_period_s[static_cast<std::size_t>(link_id::xbee)];
+        case parameter_id::leeway_compensation: return result.leeway_compensation;
         case parameter_id::heading_time_limit:
         case parameter_id::fence: break; // their acknowledgements only
     }
@@ -35,9 +35,9 @@ parameter_view* parameter_book::find(parameter_id id) {
     return found == parameters_.end() ? nullptr : &*found;
 }
 
-void parameter_book::on_settings(const configuration& told, utc_time now) {
+void parameter_book::on_settings(const configuration& result, utc_time now) {
     for (auto& one : parameters_) {
-        auto value = setting(told, one.id);
+        auto value = setting(result, one.id);
         if (!value) continue;
         one.confirmed = value;
         one.confirmed_at = now;

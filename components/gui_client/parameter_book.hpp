@@ -14,7 +14,7 @@ public:
     parameter_book();
 
     /// The boat reports its settings.
-    void on_settings(const configuration& told, utc_time now);
+    void on_settings(const configuration& result, utc_time now);
     /// A telecommand is given here; one that sets or reads no parameter is ignored.
     void on_asked(std::uint32_t id, const boat_command& command);
     /// A telecommand is over; one that was not given here is ignored.

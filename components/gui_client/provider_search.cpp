@@ -23,21 +23,21 @@ void provider_search::start() {
     use.request.prefix = space_;
     use.options = ise::subscribe_options::last(256);
     use.health = &health_;
-    use.on_packet = [this](const auto& told) {
-        if (told.lost_before() != 0 && !told->snapshot) return false; // a new subscription begins with a snapshot
-        on_names(*told);
+    use.on_packet = [this](const auto& result) {
+        if (result.lost_before() != 0 && !result->snapshot) return false; // a new subscription begins with a snapshot
+        on_names(*result);
         return true;
     };
     context_.self.spawn("names", follow_stream(context_, server(), std::move(use)));
 }
 
-void provider_search::on_names(const ise::naming::name_events& told) {
-    if (told.snapshot) {
+void provider_search::on_names(const ise::naming::name_events& result) {
+    if (result.snapshot) {
         auto before = std::exchange(present_, {});
-        for (const auto& event : told.events)
+        for (const auto& event : result.events)
             if (auto known = before.find(event.name.path); known != before.end()) present_.insert(*known);
     }
-    for (const auto& event : told.events) {
+    for (const auto& event : result.events) {
         const auto& name = event.name;
         if (event.what == ise::naming::name_change::removed) {
             present_.erase(name.path);
@@ -71,15 +71,15 @@ ise::task<> provider_search::look_at(std::string path) {
     for (int attempt = 0; attempt < describe_attempts; ++attempt) {
         ise::naming::describe_request which;
         which.path = path;
-        auto told = co_await names.try_call(ise::naming::describe, which, describe_deadline);
-        if (told) {
+        auto response = co_await names.try_call(ise::naming::describe, which, describe_deadline);
+        if (response) {
             std::set<std::string> provided;
-            for (const auto& service : told->services)
+            for (const auto& service : response->services)
                 if (service.provided) provided.insert(service.name);
             on_found_(path, provided);
             co_return;
         }
-        if (told.error().code() == ise::errc::no_such_name) break;
+        if (response.error().code() == ise::errc::no_such_name) break;
         co_await context_.self.sleep(1s);
     }
     looked_at_.erase(path); // it has gone, or did not answer: its next change starts another look

@@ -26,7 +26,7 @@ public:
     const stream_health& health() const noexcept { return health_; }
 
 private:
-    void on_names(const ise::naming::name_events& told);
+    void on_names(const ise::naming::name_events& result);
     ise::task<> look_at(std::string path);
     ise::remote server() const;
 

@@ -142,12 +142,13 @@ ise::task<> telecommand_sender::call_back(std::uint32_t id) {
     request.id = id;
     request.why = "by its operator";
     auto provider = find_component(context_.self, to);
-    auto told = co_await provider.try_call(services::telecommand_recall, request, max_call);
-    if (!told) say("could not be called back: " + told.error().message());
-    else say(told->text);
+    auto response = co_await provider.try_call(services::telecommand_recall, request, max_call);
+    if (!response) say("could not be called back: " + response.error().message());
+    else say(response->text);
     // An answer of the boat comes with its result.
-    if (told && told->state && is_final(*told->state) && *told->state != telecommand_stage::acknowledged)
-        settle(id, command_log::phase_of(*told->state, std::nullopt), told->text);
+    if (response && response->state && is_final(*response->state) &&
+        *response->state != telecommand_stage::acknowledged)
+        settle(id, command_log::phase_of(*response->state, std::nullopt), response->text);
 }
 
 command_phase telecommand_sender::settle(std::uint32_t id, command_phase phase, std::string text,

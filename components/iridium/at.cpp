@@ -29,9 +29,9 @@ ise::result<sbdix> parse_sbdix(std::string_view line) {
     return out;
 }
 
-std::string encode_sbdix(const sbdix& told) {
-    return fmt::format("+SBDIX: {}, {}, {}, {}, {}, {}", told.mo_status, told.momsn, told.mt_status, told.mtmsn,
-                       told.mt_length, told.mt_queued);
+std::string encode_sbdix(const sbdix& info) {
+    return fmt::format("+SBDIX: {}, {}, {}, {}, {}, {}", info.mo_status, info.momsn, info.mt_status, info.mtmsn,
+                       info.mt_length, info.mt_queued);
 }
 
 std::string_view explain_mo_status(int status) noexcept {

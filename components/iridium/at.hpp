@@ -20,7 +20,7 @@ struct sbdix {
 };
 /// Error: malformed.
 ise::result<sbdix> parse_sbdix(std::string_view line);
-std::string encode_sbdix(const sbdix& told);
+std::string encode_sbdix(const sbdix& outcome);
 
 /// "32": "no network service".
 std::string_view explain_mo_status(int status) noexcept;

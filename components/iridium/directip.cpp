@@ -193,16 +193,16 @@ ise::bytes encode_mo_confirmation(bool success) {
 }
 
 ise::result<bool> parse_mo_confirmation(ise::bytes_view whole) {
-    std::optional<bool> told;
+    std::optional<bool> outcome;
     auto read = each_element(whole, [&](std::uint8_t id, ise::bytes_view content) -> std::string {
         if (id != mo_confirmed) return {};
         if (content.size() != 1) return wrong_size("an MO confirmation", content.size(), 1);
-        told = content[0] == std::byte{1};
+        outcome = content[0] == std::byte{1};
         return {};
     });
     if (!read) return read.error();
-    if (!told) return malformed("no MO confirmation in it");
-    return *told;
+    if (!outcome) return malformed("no MO confirmation in it");
+    return *outcome;
 }
 
 std::array<std::byte, 15> imei_bytes(std::string_view imei) noexcept {
@@ -247,7 +247,7 @@ ise::bytes encode_directip_mt(const directip_mt& what) {
 }
 
 ise::result<mt_confirmation> parse_mt_confirmation(ise::bytes_view whole) {
-    std::optional<mt_confirmation> told;
+    std::optional<mt_confirmation> outcome;
     auto read = each_element(whole, [&](std::uint8_t id, ise::bytes_view content) -> std::string {
         if (id != mt_confirmed) return {};
         if (content.size() != 25) return wrong_size("an MT confirmation", content.size(), 25);
@@ -257,12 +257,12 @@ ise::result<mt_confirmation> parse_mt_confirmation(ise::bytes_view whole) {
         copy_to(made.imei, in.take(15));
         made.auto_id = in.integer<std::uint32_t>();
         made.status = static_cast<std::int16_t>(in.integer<std::uint16_t>());
-        told = made;
+        outcome = made;
         return {};
     });
     if (!read) return read.error();
-    if (!told) return malformed("no MT confirmation in it");
-    return *told;
+    if (!outcome) return malformed("no MT confirmation in it");
+    return *outcome;
 }
 
 ise::bytes encode_mt_confirmation(const mt_confirmation& what) {

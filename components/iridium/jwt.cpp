@@ -48,21 +48,21 @@ class claim_check {
 public:
     explicit claim_check(const nlohmann::json& claims) : claims_(claims) {}
 
-    void text(const char* name, std::string_view told, bool required) {
-        if (auto claim = find(name, required); claim && !same_letters(*claim, told)) wrong(name);
+    void text(const char* name, std::string_view message, bool required) {
+        if (auto claim = find(name, required); claim && !same_letters(*claim, message)) wrong(name);
     }
     /// `told`: what the post says, if it says it; then the token has to, too.
-    void number(const char* name, std::optional<double> told) {
-        auto claim = find(name, told.has_value());
+    void number(const char* name, std::optional<double> result) {
+        auto claim = find(name, result.has_value());
         if (!claim) return;
         auto read = parse_real(name, *claim, -1e12, 1e12);
-        if (!told || !read || *read != *told) wrong(name);
+        if (!result || !read || *read != *result) wrong(name);
     }
-    void time(const char* name, std::chrono::sys_seconds told) {
+    void time(const char* name, std::chrono::sys_seconds result) {
         auto claim = find(name, true);
         if (!claim) return;
         auto read = parse_transmit_time(*claim); // in either notation
-        if (!read || *read != told) wrong(name);
+        if (!read || *read != result) wrong(name);
     }
     /// Seconds since 1970, as `exp` and `nbf` are.
     std::optional<std::chrono::sys_seconds> instant(const char* name) {
@@ -147,9 +147,9 @@ ise::result<std::string> jwt_key::verify(std::string_view token) const {
 
 ise::result<void> jwt_key::verify(const mo_delivery& delivery, std::chrono::sys_seconds now) const {
     if (delivery.jwt.empty()) return unauthorized("there is none, and a key is configured");
-    auto told = verify(delivery.jwt);
-    if (!told) return told.error();
-    auto claims = nlohmann::json::parse(*told, nullptr, false);
+    auto outcome = verify(delivery.jwt);
+    if (!outcome) return outcome.error();
+    auto claims = nlohmann::json::parse(*outcome, nullptr, false);
     if (!claims.is_object()) return unauthorized("its claims are no JSON object");
     const auto& m = delivery.message;
     const auto& where = m.where;

@@ -166,24 +166,24 @@ void sbd_client::on_done(ise::time_point now, bool ok) {
 
 void sbd_client::end_session(ise::time_point now) {
     if (!told_) return failed(now, "the modem told no result of a session", options_.min_pause);
-    auto told = *told_;
-    events_.push_back(sbd_attempt{told});
-    if (!told.mo_arrived()) {
+    auto result = *told_;
+    events_.push_back(sbd_attempt{result});
+    if (!result.mo_arrived()) {
         auto pause = std::chrono::duration_cast<ise::duration>(
             std::chrono::duration<double>(dice_.between(std::chrono::duration<double>(options_.min_pause).count(),
                                                         std::chrono::duration<double>(options_.max_pause).count())));
-        if (told.mo_status == 36) pause = options_.late_pause;
-        return failed(now, fmt::format("{} (status {})", explain_mo_status(told.mo_status), told.mo_status), pause);
+        if (result.mo_status == 36) pause = options_.late_pause;
+        return failed(now, fmt::format("{} (status {})", explain_mo_status(result.mo_status), result.mo_status), pause);
     }
     if (carrying_) {
         message_.reset();
-        events_.push_back(sbd_sent{static_cast<std::uint16_t>(told.momsn)});
+        events_.push_back(sbd_sent{static_cast<std::uint16_t>(result.momsn)});
     }
     // A message was fetched or could not be looked for: the next session asks again.
-    check_ = told.mt_queued > 0 || told.mt_status == 2 || rang_;
+    check_ = result.mt_queued > 0 || result.mt_status == 2 || rang_;
     first_try_ = now;
-    next_try_ = told.mt_status == 2 ? ise::saturating_add(now, options_.min_pause) : now;
-    fetch_ = told.mt_status == 1;
+    next_try_ = result.mt_status == 2 ? ise::saturating_add(now, options_.min_pause) : now;
+    fetch_ = result.mt_status == 1;
     fetch_failures_ = 0;
     step_ = step::idle;
     go_on(now);

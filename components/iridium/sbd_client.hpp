@@ -28,7 +28,7 @@ struct sbd_silent {
     std::string reason;
 }; ///< the modem does not answer; it is asked on
 struct sbd_attempt {
-    sbdix told;
+    sbdix status;
 }; ///< a session is over
 struct sbd_sent {
     std::uint16_t momsn = 0;

@@ -20,19 +20,19 @@ ise::duration seconds_of(double s) {
 
 ise::result<sbd_session_reply> gateway_model::session(ise::time_point now, std::chrono::sys_seconds wall,
                                                       const sbd_session_request& request) {
-    if (!told.up) return ise::failure(ise::errc::not_connected, "the gateway is switched off");
+    if (!state.up) return ise::failure(ise::errc::not_connected, "the gateway is switched off");
     if (auto good = iridium::check_imei(request.imei); !good)
         return ise::failure(ise::errc::refused, good.error().message());
     if (request.data.size() > iridium::max_mo_bytes)
         return ise::failure(ise::errc::refused, fmt::format("a message of {} bytes, {} at most", request.data.size(),
                                                             iridium::max_mo_bytes));
     on_time(now);
-    ++told.sessions;
+    ++state.sessions;
     sbd_session_reply reply;
     bool unknown = !options_.imeis.contains(request.imei);
     bool full = deliveries_.size() >= options_.max_deliveries;
-    if (unknown || full || dice_.chance(told.session_failures)) {
-        ++told.sessions_failed;
+    if (unknown || full || dice_.chance(state.session_failures)) {
+        ++state.sessions_failed;
         reply.mo_status = unknown ? std::uint8_t{15}
                           : full  ? std::uint8_t{11}
                                   : failures[dice_.next() % std::size(failures)];
@@ -42,7 +42,7 @@ ise::result<sbd_session_reply> gateway_model::session(ise::time_point now, std::
     if (mine.handed_out != 0 && mine.handed_out == request.received_mtmsn) {
         mine.queue.pop_front();
         mine.handed_out = 0;
-        ++told.mt_delivered;
+        ++state.mt_delivered;
     }
     if (!mine.queue.empty()) {
         auto& first = mine.queue.front();
@@ -52,7 +52,7 @@ ise::result<sbd_session_reply> gateway_model::session(ise::time_point now, std::
         reply.data = first.raw;
         reply.mt_queued = static_cast<std::uint16_t>(mine.queue.size() - 1);
     }
-    ++told.mo_messages;
+    ++state.mo_messages;
     waiting_mo made;
     made.message.imei = request.imei;
     made.message.momsn = request.momsn;
@@ -65,21 +65,21 @@ ise::result<sbd_session_reply> gateway_model::session(ise::time_point now, std::
     made.message.where = where;
     made.message.data = request.data;
     made.since = now;
-    made.next = ise::saturating_add(now, seconds_of(told.delivery_delay_s * dice_.between(0.5, 1.5)));
+    made.next = ise::saturating_add(now, seconds_of(state.delivery_delay_s * dice_.between(0.5, 1.5)));
     made.pause = options_.min_repeat;
     deliveries_.emplace(next_number_++, std::move(made));
-    told.mo_waiting = deliveries_.size();
-    told.mt_waiting = 0;
-    for (const auto& [imei, of] : modems_) told.mt_waiting += of.queue.size();
+    state.mo_waiting = deliveries_.size();
+    state.mt_waiting = 0;
+    for (const auto& [imei, of] : modems_) state.mt_waiting += of.queue.size();
     return reply;
 }
 
 std::optional<gateway_model::delivery> gateway_model::next_delivery(ise::time_point now) {
-    if (!told.up) return std::nullopt;
+    if (!state.up) return std::nullopt;
     for (auto& [number, d] : deliveries_) {
         if (d.under_way || d.next > now) continue;
         d.under_way = true;
-        ++told.posts;
+        ++state.posts;
         delivery made;
         made.number = number;
         made.message = d.message;
@@ -93,34 +93,34 @@ void gateway_model::on_delivered(ise::time_point now, std::uint64_t number, bool
     if (found == deliveries_.end()) return;
     auto& d = found->second;
     d.under_way = false;
-    told.trouble = taken ? std::string() : trouble;
-    if (taken && (d.again || !dice_.chance(told.duplicates))) {
+    state.trouble = taken ? std::string() : trouble;
+    if (taken && (d.again || !dice_.chance(state.duplicates))) {
         deliveries_.erase(found);
     } else if (taken) {
         d.again = true;
         d.next = ise::saturating_add(now, options_.min_repeat);
     } else {
-        ++told.posts_failed;
+        ++state.posts_failed;
         d.next = ise::saturating_add(now, d.pause);
         d.pause = std::min(d.pause * 2, options_.max_repeat);
         if (now - d.since >= options_.give_up) {
             deliveries_.erase(found);
-            ++told.mo_given_up;
+            ++state.mo_given_up;
         }
     }
-    told.mo_waiting = deliveries_.size();
+    state.mo_waiting = deliveries_.size();
 }
 
 iridium::mt_reply gateway_model::submit(ise::time_point now, const iridium::mt_submission& what, std::string& ring) {
     using iridium::mt_failure;
     auto failed = [&](int code, std::string text) {
-        ++told.mt_refused;
+        ++state.mt_refused;
         iridium::mt_reply reply;
         reply.code = code;
         reply.text = std::move(text);
         return reply;
     };
-    if (told.fail_mt != 0) return failed(told.fail_mt, "as it was told to");
+    if (state.fail_mt != 0) return failed(state.fail_mt, "as it was told to");
     if (what.username != options_.username || what.password != options_.password)
         return failed(10, "Invalid login credentials");
     if (!options_.imeis.contains(what.imei)) return failed(11, "No RockBLOCK with this IMEI found on your account");
@@ -140,12 +140,12 @@ iridium::mt_reply gateway_model::submit(ise::time_point now, const iridium::mt_s
 
 gateway_model::queued gateway_model::enqueue(ise::time_point now, const std::string& imei, ise::bytes raw, bool flush) {
     auto refused = [&](int status) {
-        ++told.mt_refused;
+        ++state.mt_refused;
         queued made;
         made.status = status;
         return made;
     };
-    if (!told.up) return refused(-6);
+    if (!state.up) return refused(-6);
     if (!iridium::check_imei(imei)) return refused(-1);
     if (!options_.imeis.contains(imei)) return refused(-2);
     if (raw.size() > iridium::max_mt_bytes) return refused(-3);
@@ -153,7 +153,7 @@ gateway_model::queued gateway_model::enqueue(ise::time_point now, const std::str
     on_time(now);
     auto& mine = modems_[imei];
     if (flush) {
-        told.mt_waiting -= mine.queue.size();
+        state.mt_waiting -= mine.queue.size();
         mine.queue.clear();
         mine.handed_out = 0;
     }
@@ -164,8 +164,8 @@ gateway_model::queued gateway_model::enqueue(ise::time_point now, const std::str
     made.raw = std::move(raw);
     made.since = now;
     mine.queue.push_back(std::move(made));
-    ++told.mt_messages;
-    ++told.mt_waiting;
+    ++state.mt_messages;
+    ++state.mt_waiting;
     queued place;
     place.status = static_cast<int>(mine.queue.size());
     place.mtmsn = mine.queue.back().mtmsn;
@@ -174,23 +174,23 @@ gateway_model::queued gateway_model::enqueue(ise::time_point now, const std::str
 
 void gateway_model::flush() {
     modems_.clear();
-    told.mt_waiting = 0;
+    state.mt_waiting = 0;
 }
 
 void gateway_model::on_time(ise::time_point now) {
-    told.mt_waiting = 0;
+    state.mt_waiting = 0;
     for (auto& [imei, mine] : modems_) {
         while (!mine.queue.empty() && now - mine.queue.front().since >= options_.purge) {
             if (mine.queue.front().mtmsn == mine.handed_out) mine.handed_out = 0;
             mine.queue.pop_front();
         }
-        told.mt_waiting += mine.queue.size();
+        state.mt_waiting += mine.queue.size();
     }
 }
 
 ise::time_point gateway_model::next_event() const {
     auto next = ise::time_point::max();
-    if (!told.up) return next;
+    if (!state.up) return next;
     for (const auto& [number, d] : deliveries_)
         if (!d.under_way) next = std::min(next, d.next);
     return next;

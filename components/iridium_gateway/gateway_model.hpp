@@ -34,7 +34,7 @@ class gateway_model {
 public:
     explicit gateway_model(gateway_model_options options) : options_(std::move(options)), dice_(options_.seed) {}
 
-    iridium_gateway_state told; ///< settings and counters
+    iridium_gateway_state state; ///< settings and counters
 
     /// Errors: refused, not_connected.
     ise::result<sbd_session_reply> session(ise::time_point now, std::chrono::sys_seconds wall,

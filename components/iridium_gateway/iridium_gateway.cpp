@@ -93,7 +93,7 @@ void iridium_gateway::provide_all() {
             [this](const iridium_gateway_request& request) { return control(request); });
     publish_every(services::iridium_gateway_status, 1s, [this] {
         state_->model.on_time(now());
-        return state_->model.told;
+        return state_->model.state;
     });
 }
 
@@ -120,19 +120,19 @@ void iridium_gateway::open_doors() {
 }
 
 iridium_gateway_state iridium_gateway::control(const iridium_gateway_request& request) {
-    auto& told = state_->model.told;
-    auto failures = in_range("session_failures", request.session_failures.value_or(told.session_failures), 0, 1);
-    auto duplicates = in_range("duplicates", request.duplicates.value_or(told.duplicates), 0, 1);
-    auto delay_s = in_range("delivery_delay_s", request.delivery_delay_s.value_or(told.delivery_delay_s), 0, 3600);
-    auto code = in_range("fail_mt", request.fail_mt.value_or(told.fail_mt), 0, 9999);
-    told.session_failures = failures;
-    told.duplicates = duplicates;
-    told.delivery_delay_s = delay_s;
-    told.fail_mt = static_cast<int>(code);
-    told.up = request.up.value_or(told.up);
+    auto& result = state_->model.state;
+    auto failures = in_range("session_failures", request.session_failures.value_or(result.session_failures), 0, 1);
+    auto duplicates = in_range("duplicates", request.duplicates.value_or(result.duplicates), 0, 1);
+    auto delay_s = in_range("delivery_delay_s", request.delivery_delay_s.value_or(result.delivery_delay_s), 0, 3600);
+    auto code = in_range("fail_mt", request.fail_mt.value_or(result.fail_mt), 0, 9999);
+    result.session_failures = failures;
+    result.duplicates = duplicates;
+    result.delivery_delay_s = delay_s;
+    result.fail_mt = static_cast<int>(code);
+    result.up = request.up.value_or(result.up);
     if (request.flush.value_or(false)) state_->model.flush();
     turn();
-    return told;
+    return result;
 }
 
 sbd_session_reply iridium_gateway::session(const sbd_session_request& request) {
@@ -144,7 +144,7 @@ sbd_session_reply iridium_gateway::session(const sbd_session_request& request) {
 
 ise::http_response iridium_gateway::on_submission(const ise::http_request& request) {
     auto& s = *state_;
-    if (!s.model.told.up) return answer(503, "the gateway is switched off\n");
+    if (!s.model.state.up) return answer(503, "the gateway is switched off\n");
     if (request.path != submit_path) return answer(404, fmt::format("submit to {}\n", submit_path));
     if (request.message.method != "POST") return answer(405, "only POST\n");
     const auto& body = request.message.body;
@@ -159,27 +159,27 @@ ise::http_response iridium_gateway::on_submission(const ise::http_request& reque
 ise::bytes iridium_gateway::on_directip(ise::bytes_view whole) {
     auto& s = *state_;
     auto message = iridium::parse_directip_mt(whole);
-    iridium::mt_confirmation told;
+    iridium::mt_confirmation result;
     if (!message) {
-        told.status = -7;
-        return iridium::encode_mt_confirmation(told);
+        result.status = -7;
+        return iridium::encode_mt_confirmation(result);
     }
     auto imei = iridium::imei_text(message->imei);
     auto place =
         s.model.enqueue(now(), imei, std::move(message->payload), (message->flags & iridium::flush_queue) != 0);
     if (place.status >= 1) ring(imei);
-    told.client_id = message->client_id;
-    told.imei = message->imei;
-    told.auto_id = place.mtmsn;
-    told.status = static_cast<std::int16_t>(place.status);
-    return iridium::encode_mt_confirmation(told);
+    result.client_id = message->client_id;
+    result.imei = message->imei;
+    result.auto_id = place.mtmsn;
+    result.status = static_cast<std::int16_t>(place.status);
+    return iridium::encode_mt_confirmation(result);
 }
 
 ise::task<> iridium_gateway::read_mails() {
     auto& s = *state_;
     for (;;) {
         auto mails = co_await s.mails->fetch(mails_at_once);
-        bool none = !mails || mails->empty() || !s.model.told.up;
+        bool none = !mails || mails->empty() || !s.model.state.up;
         for (std::size_t i = 0; !none && i < mails->size(); ++i) {
             auto uid = (*mails)[i].uid;
             auto answering = answer_mail((*mails)[i].message);
@@ -189,7 +189,7 @@ ise::task<> iridium_gateway::read_mails() {
         }
         if (!none) continue;
         auto waited = co_await s.mails->wait(mail_period);
-        if (!waited || !s.model.told.up) co_await sleep(mail_period);
+        if (!waited || !s.model.state.up) co_await sleep(mail_period);
     }
 }
 
@@ -314,7 +314,7 @@ ise::task<> iridium_gateway::ring_later(std::string imei) {
     co_await sleep(options_.ring_delay);
     sbd_ring_alert alert;
     alert.imei = std::move(imei);
-    if (state_->model.told.up) state_->rings(alert);
+    if (state_->model.state.up) state_->rings(alert);
 }
 
 } // namespace atirma

@@ -89,13 +89,13 @@ ise::task<> iridium_modem::hold_session(modem_9602::session what) {
     ++told_.sessions;
     co_await sleep(std::chrono::duration_cast<ise::duration>(
         std::chrono::duration<double>(dice_.between(options_.min_session_s, options_.max_session_s))));
-    iridium::sbdix told;
+    iridium::sbdix result;
     ise::bytes message;
     bool sent_something = !what.message.empty();
-    if (!told_.free || options_.gateway.empty()) told.mo_status = 32;
-    else if (fail_next_ != 0) told.mo_status = std::exchange(fail_next_, 0);
-    else if (dice_.chance(told_.failures)) told.mo_status = radio_failures[dice_.next() % std::size(radio_failures)];
-    if (told.mo_status == 0) {
+    if (!told_.free || options_.gateway.empty()) result.mo_status = 32;
+    else if (fail_next_ != 0) result.mo_status = std::exchange(fail_next_, 0);
+    else if (dice_.chance(told_.failures)) result.mo_status = radio_failures[dice_.next() % std::size(radio_failures)];
+    if (result.mo_status == 0) {
         sbd_session_request request;
         request.imei = options_.imei;
         request.momsn = what.momsn;
@@ -104,28 +104,28 @@ ise::task<> iridium_modem::hold_session(modem_9602::session what) {
         auto gateway = find_component(*this, options_.gateway);
         auto reply = co_await gateway.try_call(services::sbd_session, request, gateway_time);
         if (reply) {
-            told.mo_status = reply->mo_status;
-            told.mt_status = reply->mt_status;
-            told.mtmsn = reply->mtmsn;
-            told.mt_queued = reply->mt_queued;
+            result.mo_status = reply->mo_status;
+            result.mt_status = reply->mt_status;
+            result.mtmsn = reply->mtmsn;
+            result.mt_queued = reply->mt_queued;
             message = std::move(reply->data);
         } else {
             if (reply.error().code() == ise::errc::cancelled) co_return;
-            told.mo_status = reply.error().executed() == ise::execution::unknown ? 18 : 17;
+            result.mo_status = reply.error().executed() == ise::execution::unknown ? 18 : 17;
             log().info("the gateway is not reached", {{"cause", reply.error().message()}});
         }
     }
-    if (!told.mo_arrived()) {
+    if (!result.mo_arrived()) {
         ++told_.sessions_failed;
-        told.mt_status = 2;
+        result.mt_status = 2;
     } else if (sent_something) {
         ++told_.messages_sent;
     }
-    if (told.mt_status == 1) ++told_.messages_received;
-    told.momsn = modem_->next_momsn();
+    if (result.mt_status == 1) ++told_.messages_received;
+    result.momsn = modem_->next_momsn();
     told_.last_session =
-        fmt::format("{} ({})", iridium::encode_sbdix(told), iridium::explain_mo_status(told.mo_status));
-    modem_->end_session(told, std::move(message));
+        fmt::format("{} ({})", iridium::encode_sbdix(result), iridium::explain_mo_status(result.mo_status));
+    modem_->end_session(result, std::move(message));
     turn();
 }
 

@@ -128,20 +128,20 @@ void modem_9602::begin_session() {
 
 std::optional<modem_9602::session> modem_9602::take_session() { return std::exchange(wanted_, std::nullopt); }
 
-void modem_9602::end_session(iridium::sbdix told, ise::bytes message) {
+void modem_9602::end_session(iridium::sbdix result, ise::bytes message) {
     if (!in_session_) return;
     in_session_ = false;
-    told.momsn = momsn_;
-    if (told.mo_arrived()) {
+    result.momsn = momsn_;
+    if (result.mo_arrived()) {
         ++momsn_;
         mtmsn_ = 0; // the gateway knows by now that it arrived
     }
-    if (told.mt_status == 1) {
+    if (result.mt_status == 1) {
         mt_ = std::move(message);
-        mtmsn_ = static_cast<std::uint16_t>(told.mtmsn);
-        told.mt_length = static_cast<int>(mt_.size());
+        mtmsn_ = static_cast<std::uint16_t>(result.mtmsn);
+        result.mt_length = static_cast<int>(mt_.size());
     }
-    say(iridium::encode_sbdix(told));
+    say(iridium::encode_sbdix(result));
     ok();
     if (ring_pending_) ring();
 }

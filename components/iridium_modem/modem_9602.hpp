@@ -25,7 +25,7 @@ public:
     /// A session that the host asked for; until it is ended the modem hears nothing.
     std::optional<session> take_session();
     /// `told.mo_status`, `mt_status`, `mtmsn` and `mt_queued` count; the rest is the modem's.
-    void end_session(iridium::sbdix told, ise::bytes message);
+    void end_session(iridium::sbdix result, ise::bytes message);
     /// The gateway has something: `SBDRING` where the host wants to know.
     void ring();
 

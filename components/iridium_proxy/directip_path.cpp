@@ -24,16 +24,17 @@ public:
         if (!answer)
             co_return make_outcome(answer.error().code() == ise::errc::unreachable ? kind::later : kind::unknown,
                                    "the gateway was not reached: " + answer.error().message());
-        auto told = iridium::parse_mt_confirmation(*answer);
-        if (!told) co_return make_outcome(kind::unknown, told.error().message());
-        if (told->client_id != what.id) co_return make_outcome(kind::unknown, "the gateway confirmed another message");
-        if (told->status >= 1)
-            co_return make_outcome(kind::accepted,
-                                   fmt::format("queued at the gateway as {}, place {}", told->auto_id, told->status),
-                                   std::to_string(told->auto_id));
+        auto parsed = iridium::parse_mt_confirmation(*answer);
+        if (!parsed) co_return make_outcome(kind::unknown, parsed.error().message());
+        if (parsed->client_id != what.id)
+            co_return make_outcome(kind::unknown, "the gateway confirmed another message");
+        if (parsed->status >= 1)
+            co_return make_outcome(
+                kind::accepted, fmt::format("queued at the gateway as {}, place {}", parsed->auto_id, parsed->status),
+                std::to_string(parsed->auto_id));
         co_return make_outcome(
-            iridium::mt_status_passes(told->status) ? kind::later : kind::refused,
-            fmt::format("{} (DirectIP status {})", iridium::explain_mt_status(told->status), told->status));
+            iridium::mt_status_passes(parsed->status) ? kind::later : kind::refused,
+            fmt::format("{} (DirectIP status {})", iridium::explain_mt_status(parsed->status), parsed->status));
     }
 
     std::string where() const override { return gateway_.text(); }

@@ -22,8 +22,8 @@ void iridium_proxy::take_acknowledgements(const iridium::mo_message& message) {
         if (!plain || plain->empty()) continue; // hand_on() says so
         const auto& raw = *plain;
         if (classify(raw) != packet_class::acknowledgement) {
-            auto told = parse_telemetry(raw);
-            if (told) state_->commands.tracker().on_heard(state_->commands.now(), told->header);
+            auto parsed = parse_telemetry(raw);
+            if (parsed) state_->commands.tracker().on_heard(state_->commands.now(), parsed->header);
             continue;
         }
         auto ack = parse_acknowledgement(raw);

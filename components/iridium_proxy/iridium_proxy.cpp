@@ -198,19 +198,19 @@ void iridium_proxy::provide_all() {
 
 iridium_account iridium_proxy::account() {
     auto& s = *state_;
-    auto told = s.counts;
+    auto outcome = s.counts;
     auto at = clock();
-    told.day = day_text(at);
+    outcome.day = day_text(at);
     auto fill = [&](ise::result<iridium_spending> spent, iridium_spending& into) {
         if (spent) into = *spent;
         else disk_trouble(spent.error());
     };
-    fill(s.store.spent_on(at), told.today);
-    fill(s.store.spent_in_month_of(at), told.this_month);
-    fill(s.store.spent_ever(), told.ever);
+    fill(s.store.spent_on(at), outcome.today);
+    fill(s.store.spent_in_month_of(at), outcome.this_month);
+    fill(s.store.spent_ever(), outcome.ever);
     if (options_.daily_budget > 0) {
-        told.daily_budget = options_.daily_budget;
-        told.budget_left = options_.daily_budget - std::min(options_.daily_budget, told.today.mt_credits);
+        outcome.daily_budget = options_.daily_budget;
+        outcome.budget_left = options_.daily_budget - std::min(options_.daily_budget, outcome.today.mt_credits);
     }
     for (const auto* entry : s.commands.tracker().open()) {
         iridium_queued one;
@@ -222,14 +222,14 @@ iridium_account iridium_proxy::account() {
         one.reference = entry->reference;
         one.text = entry->text;
         one.expires_at = civil_time_of(entry->expires_at);
-        told.queue.push_back(std::move(one));
+        outcome.queue.push_back(std::move(one));
     }
-    if (auto waiting = s.store.count_unpublished()) told.waiting_for_subscriber = *waiting;
+    if (auto waiting = s.store.count_unpublished()) outcome.waiting_for_subscriber = *waiting;
     auto store_trouble = s.keeper ? s.keeper->trouble() : std::string();
     for (const auto* trouble : {&s.disk_trouble, &s.send_trouble, &s.mail_trouble, &store_trouble})
-        if (!trouble->empty()) told.trouble += (told.trouble.empty() ? "" : "; ") + *trouble;
-    told.seal = seal::shore_link::report(s.seal);
-    return told;
+        if (!trouble->empty()) outcome.trouble += (outcome.trouble.empty() ? "" : "; ") + *trouble;
+    outcome.seal = seal::shore_link::report(s.seal);
+    return outcome;
 }
 
 void iridium_proxy::disk_trouble(const ise::failure& why) {

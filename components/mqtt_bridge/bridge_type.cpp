@@ -21,8 +21,8 @@ component_type bridge_type(std::string name, std::string path, bridge_options de
     held->deadline_s = std::chrono::duration<double>(options.call_deadline).count();
     held->remember_h = std::chrono::duration<double, std::ratio<3600>>(options.remember).count();
     held->store_mb = static_cast<double>(options.queue.disk_bytes >> 20);
-    options.on_connected = [announce = std::move(announce), told = false](const std::string& url) mutable {
-        if (!std::exchange(told, true)) announce("ready: " + url);
+    options.on_connected = [announce = std::move(announce), reported = false](const std::string& url) mutable {
+        if (!std::exchange(reported, true)) announce("ready: " + url);
     };
     auto& set = type.parameters;
     set.add("broker", options.broker.url, "the broker; mqtt: 1883, mqtts with TLS: 8883").kind(parameter_kind::url);

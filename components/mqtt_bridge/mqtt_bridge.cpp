@@ -248,7 +248,7 @@ struct mqtt_bridge::state : std::enable_shared_from_this<state> {
         put(std::move(nothing));
     }
 
-    static std::string text_of(const service_text& service) {
+    static std::string text_of(const service_info& service) {
         auto made = fmt::format("{}", service.kind);
         for (const auto& packet : service.packets) made += "\n" + packet.schema;
         return made;
@@ -284,7 +284,7 @@ struct mqtt_bridge::state : std::enable_shared_from_this<state> {
     }
 
     // The types of its packets are those of a component that uses the service.
-    void take_inlet(const std::string& path, const service_text& service) {
+    void take_inlet(const std::string& path, const service_info& service) {
         if (!is_one_of(options.publish, service.name) ||
             service.kind != static_cast<std::uint8_t>(service_kind::subscription))
             return;

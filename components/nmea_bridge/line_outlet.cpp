@@ -84,9 +84,9 @@ void line_outlet::send(const std::string& lines) {
 }
 
 outlet_status line_outlet::status() const {
-    auto told = state_->counts;
-    told.clients = static_cast<std::uint32_t>(state_->clients.size());
-    return told;
+    auto result = state_->counts;
+    result.clients = static_cast<std::uint32_t>(state_->clients.size());
+    return result;
 }
 
 void line_outlet::take(const std::shared_ptr<state>& self, ise::net::admitted who) {

@@ -42,13 +42,13 @@ ise::task<> nmea_bridge::run() {
     require(services::telemetry);
     publish_every(services::bridge, 5s, [this] { return status(); });
     for (const auto& path : options_.telemetry) spawn("telemetry of " + path, follow(path));
-    for (bool told = false;;) {
+    for (bool reported = false;;) {
         bool fresh = known_.location() && is_fresh(known_.location()->measured_at);
         if (!fresh) {
             nmea_->send(nmea::no_position(clock()));
-            if (!told) signalk_->send(signalk::no_position(clock())); // there it holds until it is changed
+            if (!reported) signalk_->send(signalk::no_position(clock())); // there it holds until it is changed
         }
-        told = !fresh;
+        reported = !fresh;
         co_await sleep(options_.period);
     }
 }
@@ -118,13 +118,13 @@ std::string nmea_bridge::signalk_now(std::optional<std::size_t> kind) const {
 }
 
 bridge_status nmea_bridge::status() const {
-    bridge_status told;
-    if (nmea_) told.nmea = nmea_->status();
-    if (signalk_) told.signalk = signalk_->status();
-    told.packets = packets_;
-    told.malformed = known_.malformed();
-    told.position_is_fresh = known_.location() && is_fresh(known_.location()->measured_at);
-    return told;
+    bridge_status result;
+    if (nmea_) result.nmea = nmea_->status();
+    if (signalk_) result.signalk = signalk_->status();
+    result.packets = packets_;
+    result.malformed = known_.malformed();
+    result.position_is_fresh = known_.location() && is_fresh(known_.location()->measured_at);
+    return result;
 }
 
 } // namespace atirma

@@ -42,8 +42,8 @@ ise::result<std::vector<boat_seal>> boat_ring::ends_of(const radio_key& key) con
 
 ise::result<ise::bytes> boat_ring::open(std::size_t link, ise::bytes_view raw) {
     if (recovery_ && is_rekey(raw)) {
-        if (auto told = open_recovery(*recovery_, raw)) {
-            if (auto done = recover(link, *told); !done) return done.error();
+        if (auto outcome = open_recovery(*recovery_, raw)) {
+            if (auto done = recover(link, *outcome); !done) return done.error();
             return ise::bytes();
         }
     }
@@ -70,31 +70,31 @@ ise::result<ise::bytes> boat_ring::open(std::size_t link, ise::bytes_view raw) {
     return ise::bytes();
 }
 
-ise::result<void> boat_ring::recover(std::size_t link, const recovered_key& told) {
-    if (told.generation <= keys_.recovered) {
+ise::result<void> boat_ring::recover(std::size_t link, const recovered_key& outcome) {
+    if (outcome.generation <= keys_.recovered) {
         answer(link);
         return ise::failure(ise::errc::refused, "a change by the recovery key was repeated, or is too old");
     }
     auto then = keys_;
-    then.recovered = told.generation;
+    then.recovered = outcome.generation;
     then.next_by_recovery = true;
-    return accept(link, told.next, std::move(then));
+    return accept(link, outcome.next, std::move(then));
 }
 
-ise::result<void> boat_ring::accept(std::size_t link, const radio_key& told, boat_keys then) {
-    bool in_use = same(told, keys_.now), known = keys_.next && same(told, *keys_.next);
+ise::result<void> boat_ring::accept(std::size_t link, const radio_key& outcome, boat_keys then) {
+    bool in_use = same(outcome, keys_.now), known = keys_.next && same(outcome, *keys_.next);
     if (in_use) {
         then.next.reset();
         then.next_by_recovery = false;
     } else {
-        then.next = told;
+        then.next = outcome;
     }
     bool changes = then.recovered != keys_.recovered || then.next_by_recovery != keys_.next_by_recovery ||
                    then.next.has_value() != keys_.next.has_value() || (!in_use && !known);
     if (changes) {
         std::vector<boat_seal> ends;
         if (!in_use && !known) {
-            auto made = ends_of(told);
+            auto made = ends_of(outcome);
             if (!made) return made.error();
             ends = std::move(*made);
         }

@@ -47,8 +47,8 @@ private:
           keep_(std::move(keep)) {}
 
     ise::result<std::vector<boat_seal>> ends_of(const radio_key& key) const;
-    ise::result<void> recover(std::size_t link, const recovered_key& told);
-    ise::result<void> accept(std::size_t link, const radio_key& told, boat_keys then);
+    ise::result<void> recover(std::size_t link, const recovered_key& outcome);
+    ise::result<void> accept(std::size_t link, const radio_key& outcome, boat_keys then);
     ise::result<void> promote();
     void answer(std::size_t link);
 

@@ -124,8 +124,8 @@ ise::task<> boat_page::follow_telemetry(std::string path) {
 /// Whether a provider has a service; as long as it does not tell, it is asked again.
 ise::task<bool> boat_page::offers(ise::remote provider, std::string service) {
     for (;;) {
-        auto told = co_await ise::provides(provider, service);
-        if (told) co_return *told;
+        auto result = co_await ise::provides(provider, service);
+        if (result) co_return *result;
         co_await self_.sleep(2s);
     }
 }
@@ -153,24 +153,24 @@ ise::task<> boat_page::follow_health(std::string path) {
 
 void boat_page::show_health(const communication_state& node) {
     for (const auto& link : node.links) {
-        feed_update told;
-        told.source = name_of(link.link);
-        told.connected = link.reached;
-        told.detail = link.reached ? "" : "its receiver is not reached";
-        if (link.last_heard != utc_time()) told.last_heard = link.last_heard;
-        if (archive_ && told.last_heard) archive_->keep_heard(source_.id, told.source, *told.last_heard);
-        show_feed(std::move(told));
+        feed_update result;
+        result.source = name_of(link.link);
+        result.connected = link.reached;
+        result.detail = link.reached ? "" : "its receiver is not reached";
+        if (link.last_heard != utc_time()) result.last_heard = link.last_heard;
+        if (archive_ && result.last_heard) archive_->keep_heard(source_.id, result.source, *result.last_heard);
+        show_feed(std::move(result));
         if (link.link == link_id::iridium && !link.proxy.empty()) look_for_estimates(link.proxy);
     }
-    feed_update told;
-    told.source = "communication";
-    told.link = false;
-    told.connected = true;
-    told.detail = fmt::format("{}{}", short_name(node.node),
-                              node.peer.empty() ? ""
-                              : node.peer_lives ? ", backed by " + short_name(node.peer)
-                                                : ", without the other one");
-    show_feed(std::move(told));
+    feed_update result;
+    result.source = "communication";
+    result.link = false;
+    result.connected = true;
+    result.detail = fmt::format("{}{}", short_name(node.node),
+                                node.peer.empty() ? ""
+                                : node.peer_lives ? ", backed by " + short_name(node.peer)
+                                                  : ", without the other one");
+    show_feed(std::move(result));
 }
 
 void boat_page::look_for_estimates(const std::string& path) {
@@ -217,23 +217,23 @@ void boat_page::show_connection(const std::string& path, bool connected, std::st
     auto known = links_.find(path);
     if (known != links_.end() && known->second == connected) return;
     links_[path] = connected;
-    feed_update told;
-    told.source = short_name(path);
-    told.connected = connected;
-    told.detail = std::move(detail);
+    feed_update result;
+    result.source = short_name(path);
+    result.connected = connected;
+    result.detail = std::move(detail);
     // A role's nodes stand between the links and here: what they say of the links is old when they are lost.
-    bool nodes = nodes_.contains(path) || path == communication_role || told.source == "communication";
-    told.link = !nodes;
+    bool nodes = nodes_.contains(path) || path == communication_role || result.source == "communication";
+    result.link = !nodes;
     if (nodes) {
-        told.source = "communication";
+        result.source = "communication";
         if (connected) return; // follow_health tells which node it is
     }
-    show_feed(std::move(told));
+    show_feed(std::move(result));
 }
 
-void boat_page::show_feed(feed_update told) {
-    told.since = clock();
-    if (auto event = state_.apply(told, clock())) publish(*event);
+void boat_page::show_feed(feed_update result) {
+    result.since = clock();
+    if (auto event = state_.apply(result, clock())) publish(*event);
 }
 
 void boat_page::fill_archive() {

@@ -55,7 +55,7 @@ private:
     ise::task<> follow_estimates(std::string path);
     void look_for_estimates(const std::string& path);
     void show_health(const communication_state& node);
-    void show_feed(feed_update told);
+    void show_feed(feed_update result);
     void show_connection(const std::string& path, bool connected, std::string detail);
     utc_ms clock() const;
 

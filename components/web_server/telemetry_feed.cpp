@@ -95,10 +95,10 @@ std::vector<ise::sse_event> telemetry_feed::show(const telemetry_packet& packet,
         add(state_.apply(page_view(from, *w), now));
     } else if (const auto* p = std::get_if<power>(&body)) {
         add(state_.apply(page_view(from, *p), now));
-    } else if (const auto* told = std::get_if<configuration>(&body)) {
+    } else if (const auto* result = std::get_if<configuration>(&body)) {
         if (!packet.history && packet.measured_at >= configured_at_) {
             configured_at_ = packet.measured_at;
-            state_.on_configuration(*told);
+            state_.on_configuration(*result);
         }
     } else if (const auto* status = std::get_if<link_status>(&body)) {
         signal_update heard{from, std::string(name_of(status->link)), std::nullopt};

@@ -196,7 +196,7 @@ std::string track_state::track_text() const {
 }
 
 void track_state::on_report(link_id link, utc_ms measured_at) noexcept { self_->rhythm.on_report(link, measured_at); }
-void track_state::on_configuration(const configuration& told) noexcept { self_->rhythm.on_configuration(told); }
+void track_state::on_configuration(const configuration& result) noexcept { self_->rhythm.on_configuration(result); }
 
 const report_rhythm& track_state::rhythm() const noexcept { return self_->rhythm; }
 

@@ -40,7 +40,7 @@ public:
 
     /// How often the boat reports, as it tells and as it does: the page's rule of freshness follows it.
     void on_report(link_id link, utc_ms measured_at) noexcept;
-    void on_configuration(const configuration& told) noexcept;
+    void on_configuration(const configuration& result) noexcept;
     /// Of the newest position's link.
     freshness_limits position_limits() const noexcept;
     const report_rhythm& rhythm() const noexcept; ///< until the state changes

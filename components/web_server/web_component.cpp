@@ -197,7 +197,7 @@ std::string web_server::fleet_json() const {
 }
 
 std::string web_server::status_json() const {
-    json told = {{"now", to_json(clock())}, {"boats", json::object()}};
+    json output = {{"now", to_json(clock())}, {"boats", json::object()}};
     auto of_boat = [this](const boat_page& boat) {
         const auto& counted = boat.feed().statistics();
         json one;
@@ -220,32 +220,32 @@ std::string web_server::status_json() const {
         }
         return one;
     };
-    told.update(of_boat(*boats_.front())); // as long as there was one boat only, this was all
-    for (const auto& boat : boats_) told["boats"][boat->source().id] = of_boat(*boat);
+    output.update(of_boat(*boats_.front())); // as long as there was one boat only, this was all
+    for (const auto& boat : boats_) output["boats"][boat->source().id] = of_boat(*boat);
     if (server_) {
         auto http = server_->statistics();
-        told["http"] = {{"requests", http.requests},
-                        {"connections", http.connections},
-                        {"open_connections", http.open_connections},
-                        {"refused", http.connections_refused},
-                        {"displaced", http.connections_displaced},
-                        {"requests_refused", http.requests_refused},
-                        {"failed", http.handlers_failed}};
+        output["http"] = {{"requests", http.requests},
+                          {"connections", http.connections},
+                          {"open_connections", http.open_connections},
+                          {"refused", http.connections_refused},
+                          {"displaced", http.connections_displaced},
+                          {"requests_refused", http.requests_refused},
+                          {"failed", http.handlers_failed}};
     }
     for (const auto& [path, stream] : streams_) {
         const auto& s = stream->statistics();
-        told["streams"][path] = {{"clients", stream->clients()},       {"accepted", s.accepted},
-                                 {"refused_full", s.refused},          {"left", s.left},
-                                 {"resynchronised", s.resynchronised}, {"events_skipped", s.events_skipped},
-                                 {"dropped_slow", s.dropped_slow}};
+        output["streams"][path] = {{"clients", stream->clients()},       {"accepted", s.accepted},
+                                   {"refused_full", s.refused},          {"left", s.left},
+                                   {"resynchronised", s.resynchronised}, {"events_skipped", s.events_skipped},
+                                   {"dropped_slow", s.dropped_slow}};
     }
     if (archive_) {
         const auto& a = archive_->statistics();
-        told["archive"] = {{"fixes", a.fixes},     {"packets", a.packets}, {"written", a.written},
-                           {"removed", a.removed}, {"waiting", a.waiting}, {"given_up", a.given_up},
-                           {"trouble", a.trouble}};
+        output["archive"] = {{"fixes", a.fixes},     {"packets", a.packets}, {"written", a.written},
+                             {"removed", a.removed}, {"waiting", a.waiting}, {"given_up", a.given_up},
+                             {"trouble", a.trouble}};
     }
-    return to_text(told);
+    return to_text(output);
 }
 
 } // namespace atirma

@@ -176,18 +176,18 @@ xbee_air xbee_link_emulator::control(const xbee_air_request& request) {
 
 xbee_air xbee_link_emulator::state() {
     auto time = model_now();
-    xbee_air told;
-    told.up = options_.up;
-    told.extra_loss = options_.extra_loss;
-    told.distance_m = distance_m_;
-    told.strength_dbm = air_->strength_dbm(full_power_dbm, std::max(1.0, distance_m_));
-    told.shore_duty_percent = sides_[shore]->device.duty_percent(time);
-    told.boat_duty_percent = sides_[boat]->device.duty_percent(time);
-    told.delivered = air_->delivered();
-    told.lost = air_->lost();
-    told.collided = air_->collided();
-    told.model_time_s = std::chrono::duration<double>(time).count();
-    return told;
+    xbee_air result;
+    result.up = options_.up;
+    result.extra_loss = options_.extra_loss;
+    result.distance_m = distance_m_;
+    result.strength_dbm = air_->strength_dbm(full_power_dbm, std::max(1.0, distance_m_));
+    result.shore_duty_percent = sides_[shore]->device.duty_percent(time);
+    result.boat_duty_percent = sides_[boat]->device.duty_percent(time);
+    result.delivered = air_->delivered();
+    result.lost = air_->lost();
+    result.collided = air_->collided();
+    result.model_time_s = std::chrono::duration<double>(time).count();
+    return result;
 }
 
 xbee::instant xbee_link_emulator::model_now() const {

@@ -288,21 +288,21 @@ void xbee_proxy::give() {
 
 void xbee_proxy::publish_local() {
     auto& r = *radio_;
-    auto told = r.counts;
-    told.port_open = r.port.is_open();
-    told.modem_ready = r.port.modem_ready();
-    told.device = r.port.options().device;
-    told.trouble = !r.port.trouble().empty() ? r.port.trouble() : r.keeper ? r.keeper->trouble() : std::string();
-    told.api_mode = told.modem_ready ? static_cast<std::uint8_t>(r.port.mode()) : std::uint8_t{0};
-    told.port_openings = r.port.openings();
-    told.telecommands_open = r.commands.tracker().open_count();
+    auto result = r.counts;
+    result.port_open = r.port.is_open();
+    result.modem_ready = r.port.modem_ready();
+    result.device = r.port.options().device;
+    result.trouble = !r.port.trouble().empty() ? r.port.trouble() : r.keeper ? r.keeper->trouble() : std::string();
+    result.api_mode = result.modem_ready ? static_cast<std::uint8_t>(r.port.mode()) : std::uint8_t{0};
+    result.port_openings = r.port.openings();
+    result.telecommands_open = r.commands.tracker().open_count();
     const auto& line = r.port.counters();
-    told.frames = line.frames;
-    told.frames_refused = line.refused_frames;
-    told.bytes_skipped = line.skipped_bytes;
-    told.seal = seal::shore_link::report(r.seal);
-    r.modem.fill(told);
-    r.local(told);
+    result.frames = line.frames;
+    result.frames_refused = line.refused_frames;
+    result.bytes_skipped = line.skipped_bytes;
+    result.seal = seal::shore_link::report(r.seal);
+    r.modem.fill(result);
+    r.local(result);
 }
 
 } // namespace atirma

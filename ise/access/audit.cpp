@@ -86,12 +86,12 @@ audit_log::audit_log(sink to) : state_(std::make_shared<state>()) { state_->to =
 result<audit_log> audit_log::open(const std::string& file, std::function<void(const std::string&)> complain) {
     auto opened = line_file::open(file);
     if (!opened) return opened.error();
-    auto told = std::make_shared<bool>(false);
-    return audit_log([to = std::move(*opened), complain = std::move(complain), told](const std::string& line) {
+    auto outcome = std::make_shared<bool>(false);
+    return audit_log([to = std::move(*opened), complain = std::move(complain), outcome](const std::string& line) {
         auto written = to->append(line);
         bool failed = !written;
-        if (failed && !*told) complain(fmt::format("the audit log: {}", written.error().message()));
-        *told = failed;
+        if (failed && !*outcome) complain(fmt::format("the audit log: {}", written.error().message()));
+        *outcome = failed;
     });
 }
 

@@ -101,13 +101,13 @@ void guard::refresh() {
         if (std::exchange(broken_, std::nullopt)) version_.fetch_add(1, std::memory_order_acq_rel);
         return;
     }
-    failure told(
+    failure result(
         errc::access_denied,
         fmt::format("{}, so that no new session is made, and for existing ones the policy with hash {} counts: "
                     "{}",
                     unusable_policy, now_->hash(), done.error().message()));
-    bool news = !broken_ || broken_->message() != told.message();
-    broken_ = std::move(told);
+    bool news = !broken_ || broken_->message() != result.message();
+    broken_ = std::move(result);
     if (news) version_.fetch_add(1, std::memory_order_acq_rel);
 }
 

@@ -587,14 +587,15 @@ struct message_reader::state {
                 return one.error();
             }
             if (one->op == opcode::message) {
-                auto told = parse_at<message_record>(from, made->at, one->content);
-                if (!told) return told.error();
-                if (!about.channels.contains(told->channel_id))
+                auto outcome = parse_at<message_record>(from, made->at, one->content);
+                if (!outcome) return outcome.error();
+                if (!about.channels.contains(outcome->channel_id))
                     return in_file(from, made->at, errc::malformed,
                                    fmt::format("a Message has the channel {}, which the file does not describe",
-                                               told->channel_id));
-                if (wanted.contains(told->channel_id) && told->log_time >= filter.from && told->log_time < filter.until)
-                    made->entries.push_back({told->log_time, at});
+                                               outcome->channel_id));
+                if (wanted.contains(outcome->channel_id) && outcome->log_time >= filter.from &&
+                    outcome->log_time < filter.until)
+                    made->entries.push_back({outcome->log_time, at});
             }
             at += record_head_bytes + one->content.size();
         }

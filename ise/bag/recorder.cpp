@@ -241,7 +241,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
 
     // --- what there is ----------------------------------------------------------------------------------------------
 
-    bool wanted(const service_text& service) const {
+    bool wanted(const service_info& service) const {
         if (!service.provided || service.kind != static_cast<std::uint8_t>(service_kind::subscription)) return false;
         if (contains(options.except, service.name)) return false;
         if (!options.services.empty()) return contains(options.services, service.name);
@@ -282,12 +282,12 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
         auto& self = me->self;
         auto who = self.at(path);
         describe_request question;
-        auto told = co_await who.try_call(describe_service, question, question_limit);
-        if (!told) {
-            self.log().warning(fmt::format("'{}' is not recorded yet: {}", path, told.error().message()));
+        auto reply = co_await who.try_call(describe_service, question, question_limit);
+        if (!reply) {
+            self.log().warning(fmt::format("'{}' is not recorded yet: {}", path, reply.error().message()));
             co_return;
         }
-        for (const auto& service : told->services) {
+        for (const auto& service : reply->services) {
             auto name = fmt::format("{}/{}", path, service.name);
             const bool calls = service.provided && service.name == served_calls_service.name() && me->options.calls;
             if ((!calls && !me->wanted(service)) || !me->followed.insert(name).second) continue;
@@ -300,7 +300,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
                 self.log().info(fmt::format("'{}' is not recorded: it is an action", name));
                 continue;
             }
-            if (calls) self.spawn("calls of " + path, record_calls(me, path, *told));
+            if (calls) self.spawn("calls of " + path, record_calls(me, path, *reply));
             else self.spawn("record " + name, record(me, path, *contract));
         }
         if (me->options.parameters) co_await note_parameters(me, who, path);
@@ -308,9 +308,9 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
 
     static task<> note_parameters(std::shared_ptr<state> me, remote who, std::string path) {
         parameters_request question;
-        auto told = co_await who.try_call(parameters_service, question, question_limit);
-        if (!told) co_return; // it has none
-        for (const auto& one : told->parameters) {
+        auto reply = co_await who.try_call(parameters_service, question, question_limit);
+        if (!reply) co_return; // it has none
+        for (const auto& one : reply->parameters) {
             parameter_event event;
             event.component = path;
             event.name = one.about.name;
@@ -421,8 +421,8 @@ recorder_core::~recorder_core() { state_->finishing = true; }
 
 task<> recorder_core::run() {
     auto held = state_;
-    auto on_names = [held](const naming::name_events& told) {
-        if (!held->finishing) held->on_names(told);
+    auto on_names = [held](const naming::name_events& result) {
+        if (!held->finishing) held->on_names(result);
     };
     held->self.spawn("names", watch_names(held->self, held->options.name_servers, on_names, {}));
     std::exception_ptr thrown;

@@ -140,22 +140,22 @@ result<void> incoming_calls::on_request(const net::carried_frame& received) {
         return failure(errc::protocol_error, fmt::format("a request came {}", what));
     };
     const auto flags = received.header.flags;
-    auto told = wire::request_head::read(flags, received.body);
-    if (!told) return malformed("with half a head");
+    auto parsed = wire::request_head::read(flags, received.body);
+    if (!parsed) return malformed("with half a head");
     const bytes_view packet = received.body.subspan(wire::request_head::size(flags));
     const bool until = (flags & wire::flag::until) && over_.wire().tells_clock();
-    if (told->time_ns < 0 && !until) return malformed("with a negative time");
-    if (told->service >= bindings_.size()) return malformed("for a service that was not introduced");
+    if (parsed->time_ns < 0 && !until) return malformed("with a negative time");
+    if (parsed->service >= bindings_.size()) return malformed("for a service that was not introduced");
     const bool numbered = flags & wire::flag::numbered;
     if (numbered && (!over_.wire().lossy() || over_.peer().incarnation == 0))
         return malformed("with a number that makes no sense");
     auto id = received.header.id;
     request_head head;
     head.id = id;
-    head.trace.trace = told->trace;
-    head.trace.parent = told->parent;
-    if (over_.wire().tells_traces()) head.trace.high = told->high;
-    head.number = told->number;
+    head.trace.trace = parsed->trace;
+    head.trace.parent = parsed->parent;
+    if (over_.wire().tells_traces()) head.trace.high = parsed->high;
+    head.number = parsed->number;
     head.again = numbered && (flags & wire::flag::again);
     auto& runtime = over_.runtime();
     if (slot_of(id) >= runtime.options().max_calls_per_session) {
@@ -173,8 +173,8 @@ result<void> incoming_calls::on_request(const net::carried_frame& received) {
     }
 
     head.deadline =
-        until ? time_point(duration(told->time_ns)) : saturating_add(over_.on().now(), duration(told->time_ns));
-    auto& of = *bindings_[told->service];
+        until ? time_point(duration(parsed->time_ns)) : saturating_add(over_.on().now(), duration(parsed->time_ns));
+    auto& of = *bindings_[parsed->service];
     if (of.denied) {
         deny(of, head);
     } else if (of.now == state::refused) {
@@ -211,9 +211,9 @@ void incoming_calls::bind(std::uint32_t number, const std::vector<std::uint64_t>
     made.now = state::comparing;
     if (fingerprints[role::response] != ours.fingerprints[role::response]) {
         // Ahead of every reply, which it overtakes.
-        wire::provider_packets told;
-        told.fingerprints = ours.fingerprints;
-        over_.send_ahead(wire::frame_type::answers, number, [&](buffer& body) { encode(told, body); });
+        wire::provider_packets result;
+        result.fingerprints = ours.fingerprints;
+        over_.send_ahead(wire::frame_type::answers, number, [&](buffer& body) { encode(result, body); });
     }
     compare(number, fingerprints);
 }
@@ -232,7 +232,7 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
             else turn_away(head, of.why);
         });
     };
-    auto told = [this, number, decide](const std::vector<schema>& theirs) {
+    auto result = [this, number, decide](const std::vector<schema>& theirs) {
         auto& of = *bindings_[number];
         const auto& ours = of.service->types();
         std::string diff;
@@ -247,7 +247,7 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
             of.request = std::make_unique<adapter>(theirs[role::request], ours.schemas[role::request]);
         decide(std::nullopt);
     };
-    over_.schemas().need(std::move(fingerprints), told, [decide](const failure& why) { decide(why); });
+    over_.schemas().need(std::move(fingerprints), result, [decide](const failure& why) { decide(why); });
 }
 
 // Before it is looked up what became of it, if it may have come before.
@@ -519,14 +519,14 @@ void incoming_calls::refuse(std::uint64_t id, const failure& why) {
     const std::uint64_t number = running ? running->number : 0;
     forget(id);
     if (number == 0 && !over_.open()) return;
-    wire::call_failure told;
-    told.code = static_cast<std::uint8_t>(why.code());
-    told.execution = static_cast<std::uint8_t>(why.executed());
-    told.reason = why.message();
+    wire::call_failure result;
+    result.code = static_cast<std::uint8_t>(why.code());
+    result.execution = static_cast<std::uint8_t>(why.executed());
+    result.reason = why.message();
     auto& wire = over_.wire();
     buffer kept;
     buffer& out = number == 0 ? wire.out().begin_call() : kept;
-    wire::put_frame(out, wire::frame_type::error, 0, id, [&](buffer& body) { encode(told, body); });
+    wire::put_frame(out, wire::frame_type::error, 0, id, [&](buffer& body) { encode(result, body); });
     if (number != 0) {
         answer_numbered(number, kept.view());
         return;

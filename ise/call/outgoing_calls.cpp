@@ -38,10 +38,10 @@ std::uint32_t outgoing_calls::number_of(const pending_call& call) {
 
 // A control frame: it overtakes requests, of which each may be given up before it was written.
 void outgoing_calls::introduce(std::uint32_t number) {
-    wire::introduction told;
-    told.service = introduced_[number]->name;
-    told.fingerprints = introduced_[number]->types->fingerprints;
-    over_.send_ahead(frame_type::introduce, number, [&](buffer& body) { encode(told, body); });
+    wire::introduction result;
+    result.service = introduced_[number]->name;
+    result.fingerprints = introduced_[number]->types->fingerprints;
+    over_.send_ahead(frame_type::introduce, number, [&](buffer& body) { encode(result, body); });
 }
 
 bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
@@ -159,20 +159,20 @@ result<void> outgoing_calls::on_reply(const net::carried_frame& received) {
 }
 
 result<void> outgoing_calls::on_answers(const net::carried_frame& received) {
-    auto told = wire::read_body<wire::provider_packets>(received.body);
-    if (!told) return told.error();
+    auto report = wire::read_body<wire::provider_packets>(received.body);
+    if (!report) return report.error();
     if (received.header.id >= introduced_.size())
         return failure(errc::protocol_error, "the packets of a service came that was not introduced");
     auto& service = *introduced_[received.header.id]; // stays where it is
     if (service.adapting || service.response)
         return failure(errc::protocol_error, fmt::format("the packets of '{}' came twice", service.name));
-    if (told->fingerprints.size() != service.types->fingerprints.size())
+    if (report->fingerprints.size() != service.types->fingerprints.size())
         return failure(errc::protocol_error,
                        fmt::format("'{}' was answered with the packets of another kind", service.name));
-    if (told->fingerprints[role::response] == service.types->fingerprints[role::response]) return {};
+    if (report->fingerprints[role::response] == service.types->fingerprints[role::response]) return {};
     service.adapting = true;
     over_.schemas().need(
-        {told->fingerprints[role::response]},
+        {report->fingerprints[role::response]},
         [this, &service](const std::vector<schema>& theirs) {
             try {
                 service.response = std::make_unique<adapter>(theirs[0], service.types->schemas[role::response]);
@@ -206,16 +206,16 @@ void outgoing_calls::release(introduced& service, const failure* problem) {
 }
 
 result<void> outgoing_calls::on_error(const net::carried_frame& received) {
-    auto told = wire::read_body<wire::call_failure>(received.body);
-    if (!told) return told.error();
+    auto outcome = wire::read_body<wire::call_failure>(received.body);
+    if (!outcome) return outcome.error();
     auto* call = take_slot(received.header.id);
     if (!call) {
         ++calls_.late_replies;
         return {};
     }
-    auto state = told->execution == 0 ? execution::not_executed : execution::unknown;
-    auto text = fmt::format("'{}' at {}: {}", call->service, over_.peer_name(), told->reason);
-    calls_.fail(*call, failure(static_cast<errc>(told->code), std::move(text), state));
+    auto state = outcome->execution == 0 ? execution::not_executed : execution::unknown;
+    auto text = fmt::format("'{}' at {}: {}", call->service, over_.peer_name(), outcome->reason);
+    calls_.fail(*call, failure(static_cast<errc>(outcome->code), std::move(text), state));
     return {};
 }
 

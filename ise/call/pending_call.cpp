@@ -79,9 +79,9 @@ void pending_calls::end(pending_call& call, const call_outcome& outcome) {
                                                                                       : std::string();
         !cycle.empty()) {
         failure why(errc::timed_out, outcome.why->message() + cycle, outcome.why->executed());
-        call_outcome told;
-        told.why = &why;
-        on_.later(done(told));
+        call_outcome result;
+        result.why = &why;
+        on_.later(done(result));
         return;
     }
     on_.later(done(outcome));

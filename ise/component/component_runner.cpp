@@ -202,14 +202,14 @@ void component_runner::tell_announced() {
 
 task<> component_runner::ready() {
     announce();
-    waiter<> told(on(), [&told] { told.resume(); });
+    waiter<> result(on(), [&result] { result.resume(); });
     struct listed {
         std::vector<waiter<>*>& all;
         waiter<>* who;
         ~listed() { std::erase(all, who); }
-    } among{awaiting_announced_, &told};
-    awaiting_announced_.push_back(&told);
-    while (!announced_) co_await told.wait();
+    } among{awaiting_announced_, &result};
+    awaiting_announced_.push_back(&result);
+    while (!announced_) co_await result.wait();
 }
 
 registration component_runner::describe_for_names() const {
@@ -232,7 +232,7 @@ void component_runner::services_changed() {
     auto owner = node_.lock();
     if (!owner || !owner->names()) return;
     owner->loop().gate()->post(
-        [owner, told = describe_for_names()]() mutable { owner->names()->update(std::move(told)); });
+        [owner, info = describe_for_names()]() mutable { owner->names()->update(std::move(info)); });
 }
 
 void component_runner::add(std::shared_ptr<call_service> service) {
@@ -318,13 +318,13 @@ component_info component_runner::describe_self() const {
     made.process_id = env_.identity().process_id;
     for (const auto& at : services_->listening()) made.endpoints.push_back(at.text());
     auto add = [&](const std::string& name, const packet_types& types, bool provided, bool declared) {
-        service_text text;
+        service_info text;
         text.name = name;
         text.kind = static_cast<std::uint8_t>(types.kind);
         text.provided = provided;
         text.declared = declared;
         for (const auto& packet : types.schemas)
-            text.packets.push_back(packet_text{packet.fingerprint(), packet.text()});
+            text.packets.push_back(packet_info{packet.fingerprint(), packet.text()});
         made.services.push_back(std::move(text));
     };
     std::set<std::string> required;
@@ -335,7 +335,7 @@ component_info component_runner::describe_self() const {
     for (const auto& one : services_->uses().services())
         if (!required.contains(one.name)) add(one.name, *one.types, false, false);
     for (const auto& [raw, held] : services_->sessions()) {
-        session_text text;
+        session_info text;
         text.peer = held->peer_name();
         text.bytes_in = held->wire().counts().bytes_in;
         text.bytes_out = held->wire().counts().bytes_out;
@@ -352,7 +352,7 @@ component_info component_runner::describe_self() const {
     made.confirmed = name_confirmed();
     made.roles = options_.roles;
     for (const auto& one : services_->ended_subscriptions()) {
-        ended_subscription_text text;
+        ended_subscription_info text;
         text.service = one.service;
         text.provider = one.provider;
         text.cause = one.cause;
@@ -360,7 +360,7 @@ component_info component_runner::describe_self() const {
     }
     services_->calls().each_awaited([&](const pending_call& call) {
         if (made.awaited.size() == limit::described_calls) return;
-        awaited_call_text text;
+        awaited_call_info text;
         text.provider = call.owner->name();
         text.service = call.service;
         text.id = call.id;
@@ -374,7 +374,7 @@ component_info component_runner::describe_self() const {
     for (const auto& [raw, held] : services_->sessions())
         held->calls_in().each([&](const std::string& service, std::uint64_t id, bool runs) {
             if (made.served.size() == limit::described_calls) return;
-            served_call_text text;
+            served_call_info text;
             text.service = service;
             text.caller = held->peer_name();
             text.id = id;
@@ -382,7 +382,7 @@ component_info component_runner::describe_self() const {
             made.served.push_back(std::move(text));
         });
     for (auto& one : services_->uses().awaited()) {
-        wait_text text;
+        wait_info text;
         text.target = std::move(one.target);
         text.service = std::move(one.service);
         text.stage = name_of(one.stage);

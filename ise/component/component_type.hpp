@@ -2,7 +2,7 @@
 #include <ise/component/component.hpp>
 #include <ise/component/live_parameters.hpp>
 #include <ise/component/parameter.hpp>
-#include <ise/component/type_text.hpp>
+#include <ise/component/type_info.hpp>
 
 #include <functional>
 #include <memory>
@@ -14,7 +14,7 @@ namespace ise {
 
 /// A type of component that a program can run: its parameters, and a function that makes one from them.
 struct component_type {
-    type_text about;
+    type_info about;
     /// Bound to the variables that `make` uses, which it keeps alive.
     parameter_set parameters;
     std::function<std::unique_ptr<component>()> make;

@@ -6,21 +6,22 @@
 
 namespace ise {
 
-result<dynamic_contract> contract_of(const service_text& told) {
-    if (told.kind > static_cast<std::uint8_t>(service_kind::subscription))
-        return failure(errc::malformed, fmt::format("'{}' is a service of an unknown kind ({})", told.name, told.kind));
-    auto kind = static_cast<service_kind>(told.kind);
+result<dynamic_contract> contract_of(const service_info& message) {
+    if (message.kind > static_cast<std::uint8_t>(service_kind::subscription))
+        return failure(errc::malformed,
+                       fmt::format("'{}' is a service of an unknown kind ({})", message.name, message.kind));
+    auto kind = static_cast<service_kind>(message.kind);
     std::vector<std::string> texts;
-    for (const auto& packet : told.packets) texts.push_back(packet.schema);
-    return dynamic_contract::parse(told.name, kind, texts);
+    for (const auto& packet : message.packets) texts.push_back(packet.schema);
+    return dynamic_contract::parse(message.name, kind, texts);
 }
 
 task<result<dynamic_contract>> discover(remote provider, std::string service, duration deadline) {
     describe_request question;
-    auto told = co_await provider.try_call(describe_service, question, deadline);
-    if (!told) co_return told.error();
+    auto response = co_await provider.try_call(describe_service, question, deadline);
+    if (!response) co_return response.error();
     std::string known;
-    for (const auto& one : told->services) {
+    for (const auto& one : response->services) {
         if (!one.provided) continue;
         if (one.name == service) co_return contract_of(one);
         if (!one.name.starts_with("ise.")) known += (known.empty() ? "" : ", ") + one.name;
@@ -31,10 +32,10 @@ task<result<dynamic_contract>> discover(remote provider, std::string service, du
 
 task<result<bool>> provides(remote provider, std::string service, duration deadline) {
     describe_request question;
-    auto told = co_await provider.try_call(describe_service, question, deadline);
-    if (!told) co_return told.error();
-    co_return std::ranges::any_of(told->services,
-                                  [&](const service_text& one) { return one.provided && one.name == service; });
+    auto response = co_await provider.try_call(describe_service, question, deadline);
+    if (!response) co_return response.error();
+    co_return std::ranges::any_of(response->services,
+                                  [&](const service_info& one) { return one.provided && one.name == service; });
 }
 
 } // namespace ise

@@ -6,7 +6,7 @@ namespace ise {
 
 /// A service as a component described it, ready to be called or subscribed to. The schemas are parsed and their
 /// fingerprints computed here: errc::malformed or errc::too_large for an invalid text.
-result<dynamic_contract> contract_of(const service_text& told);
+result<dynamic_contract> contract_of(const service_info& message);
 
 /// Queries a component and returns one of its services. errc::no_such_service lists its services; the other failures
 /// are those of `remote::try_call`. Cancellation: terminal.

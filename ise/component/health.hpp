@@ -45,7 +45,7 @@ struct service_load {
 
 /// What waits to be sent over a session, published packets apart.
 struct session_load {
-    std::string peer;               ///< as in `session_text`
+    std::string peer;               ///< as in `session_info`
     std::uint64_t unsent_bytes = 0; ///< of calls, replies and control
 };
 

@@ -11,23 +11,23 @@
 namespace ise {
 
 /// The description of a packet.
-struct packet_text {
+struct packet_info {
     std::uint64_t fingerprint = 0; ///< of the schema
     std::string schema;            ///< canonical text
 };
 
 /// A service that a component provides or requires.
-struct service_text {
+struct service_info {
     /// Unique within the component and its direction.
     std::string name;
     std::uint8_t kind = 0;            ///< service_kind
     bool provided = true;             ///< else required
-    std::vector<packet_text> packets; ///< in the order of the kind
+    std::vector<packet_info> packets; ///< in the order of the kind
     bool declared = true;             ///< false: called or subscribed to without `require`
 };
 
 /// A present session of a component.
-struct session_text {
+struct session_info {
     std::string peer;               ///< its path, or its address
     std::uint64_t bytes_in = 0;     ///< since it began
     std::uint64_t bytes_out = 0;    ///< since it began
@@ -38,14 +38,14 @@ struct session_text {
 };
 
 /// A subscription of the component that ended other than on its request, and was not made again since.
-struct ended_subscription_text {
+struct ended_subscription_info {
     std::string service;  ///< its name
     std::string provider; ///< its path, or its address
     std::string cause;    ///< why it ended
 };
 
 /// Something that the component waits for.
-struct wait_text {
+struct wait_info {
     std::string target;  ///< the path, role or address to be reached
     std::string service; ///< its service; empty: only the name, or a session
     std::string stage;   ///< "name": not found; "provider": no session; "unreached": the last call reached no provider
@@ -55,7 +55,7 @@ struct wait_text {
 };
 
 /// A call that a handler of the component waits for.
-struct awaited_call_text {
+struct awaited_call_info {
     std::string provider;        ///< its path, role or address
     std::string service;         ///< that is called
     std::uint64_t id = 0;        ///< of the call, in the session with its provider
@@ -67,7 +67,7 @@ struct awaited_call_text {
 };
 
 /// A request that the component has not answered yet.
-struct served_call_text {
+struct served_call_info {
     std::string service;  ///< that is called
     std::string caller;   ///< its path, or its address
     std::uint64_t id = 0; ///< of the call, in the session with its caller
@@ -87,17 +87,17 @@ struct component_info {
     std::string host_name;                                    ///< for people
     std::uint64_t process_id = 0;                             ///< on that host
     std::vector<std::string> endpoints;                       ///< where it listens
-    std::vector<service_text> services;                       ///< provided and required
-    std::vector<session_text> sessions;                       ///< now
+    std::vector<service_info> services;                       ///< provided and required
+    std::vector<session_info> sessions;                       ///< now
     std::uint64_t calls_served = 0;                           ///< since it began
     std::uint64_t packets_published = 0;                      ///< since it began
     std::uint64_t packets_dropped = 0;                        ///< by the policies of slow subscribers
     bool confirmed = false;                                   ///< its name: the lease holds, as far as it knows
     std::map<std::string, std::int32_t> roles;                ///< that it serves, with its priority
-    std::vector<ended_subscription_text> ended_subscriptions; ///< the last ones
-    std::vector<wait_text> waits;                             ///< present waits of any length
-    std::vector<awaited_call_text> awaited; ///< calls that handlers wait for: the first `limit::described_calls`
-    std::vector<served_call_text> served;   ///< requests that are not answered yet: as many
+    std::vector<ended_subscription_info> ended_subscriptions; ///< the last ones
+    std::vector<wait_info> waits;                             ///< present waits of any length
+    std::vector<awaited_call_info> awaited; ///< calls that handlers wait for: the first `limit::described_calls`
+    std::vector<served_call_info> served;   ///< requests that are not answered yet: as many
 };
 
 /// Every component provides it.

@@ -187,7 +187,7 @@ void take_parameters(component_type& type, component_options& into, environment&
 
 std::string describe_types(const std::string& program, const std::string& version,
                            const std::vector<component_type>& types, bool shares) {
-    program_text made;
+    program_info made;
     made.shares_process = shares;
     made.program = program;
     made.version = version;

@@ -100,19 +100,20 @@ component_figures figures_of(service_host& services) {
 }
 
 void add_process(exposition& to) {
-    auto told = figures_of_this_process();
-    if (!told) return;
+    auto result = figures_of_this_process();
+    if (!result) return;
     to.metric("process_cpu_seconds_total", kind::counter, "Processor time of the process, user and system.")
-        .add({}, told->processor_seconds);
+        .add({}, result->processor_seconds);
     to.metric("process_start_time_seconds", kind::gauge, "Start of the process, in seconds since 1970.")
-        .add({}, told->began);
+        .add({}, result->began);
     to.metric("process_virtual_memory_bytes", kind::gauge, "Address space of the process.")
-        .add({}, told->virtual_bytes);
+        .add({}, result->virtual_bytes);
     to.metric("process_resident_memory_bytes", kind::gauge, "Physical memory of the process.")
-        .add({}, told->resident_bytes);
-    to.metric("process_open_fds", kind::gauge, "Open file descriptors.").add({}, told->open_descriptors);
-    to.metric("process_max_fds", kind::gauge, "Most file descriptors that may be open.").add({}, told->max_descriptors);
-    to.metric("process_threads", kind::gauge, "Threads of the process.").add({}, told->threads);
+        .add({}, result->resident_bytes);
+    to.metric("process_open_fds", kind::gauge, "Open file descriptors.").add({}, result->open_descriptors);
+    to.metric("process_max_fds", kind::gauge, "Most file descriptors that may be open.")
+        .add({}, result->max_descriptors);
+    to.metric("process_threads", kind::gauge, "Threads of the process.").add({}, result->threads);
 }
 
 void add_component(exposition& to, const component_figures& of) {

@@ -46,8 +46,8 @@ void set_from_environment(node_options& options, environment& env) {
     (void)metrics_address(options.metrics); // before anything begins
     if (options.traces.empty() || options.traces == "none") return;
     if (!options.trace_rate) {
-        auto told = env.variable("ISE_TRACE_RATE");
-        auto rate = told && !told->empty() ? parse_trace_rate(*told) : result<double>(1.0);
+        auto report = env.variable("ISE_TRACE_RATE");
+        auto rate = report && !report->empty() ? parse_trace_rate(*report) : result<double>(1.0);
         if (!rate) throw error(rate.error().code(), "ISE_TRACE_RATE: " + rate.error().message());
         options.trace_rate = *rate;
     }

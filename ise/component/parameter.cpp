@@ -248,9 +248,9 @@ result<void> parameter_set::set_from(const std::function<std::optional<std::stri
             name += letter == '-'                    ? '_'
                     : letter >= 'a' && letter <= 'z' ? static_cast<char>(letter - 'a' + 'A')
                                                      : letter;
-        auto told = variable(name);
-        if (!told) continue;
-        auto taken = set(one.name, *told);
+        auto outcome = variable(name);
+        if (!outcome) continue;
+        auto taken = set(one.name, *outcome);
         if (!taken)
             return failure(taken.error().code(),
                            fmt::format("the environment variable {}: {}", name, taken.error().message()));

@@ -10,7 +10,7 @@
 namespace ise {
 
 /// A parameter, and what it is now.
-struct parameter_text {
+struct parameter_info {
     parameter about;
     std::vector<std::string> values; ///< one, or of a parameter that may be given several times any number
 };
@@ -20,7 +20,7 @@ struct parameters_request {
 };
 
 struct parameters_response {
-    std::vector<parameter_text> parameters; ///< in the order of their declaration
+    std::vector<parameter_info> parameters; ///< in the order of their declaration
 };
 
 struct parameter_setting {

@@ -28,9 +28,9 @@ duration poll_window_of(const std::optional<duration>& given, const environment&
         throw error(errc::invalid_argument, fmt::format("node_options::poll is {} ns; a node polls for 0 to {} us",
                                                         given->count(), longest.count()));
     }
-    auto told = env.variable("ISE_POLL_US");
-    if (!told || told->empty()) return {};
-    auto window = parse_poll_window(*told);
+    auto result = env.variable("ISE_POLL_US");
+    if (!result || result->empty()) return {};
+    auto window = parse_poll_window(*result);
     if (!window) throw error(window.error().code(), "ISE_POLL_US: " + window.error().message());
     return *window;
 }

@@ -25,7 +25,7 @@ bool service_selection::has(const std::string& path) const {
     return paths.empty() || std::ranges::any_of(paths, [&](const auto& one) { return naming::lies_below(path, one); });
 }
 
-bool service_selection::has(const service_text& service) const {
+bool service_selection::has(const service_info& service) const {
     if (!service.provided || is_among(except, service.name)) return false;
     if (!services.empty()) return is_among(services, service.name);
     return own_services || !service.name.starts_with("ise.");
@@ -43,7 +43,7 @@ struct system_watch::state : std::enable_shared_from_this<state> {
 
     struct followed {
         bool asking = false, again = false;
-        bool told = false; // that it cannot be asked
+        bool reported = false; // that it cannot be asked
     };
 
     component& self;
@@ -56,9 +56,9 @@ struct system_watch::state : std::enable_shared_from_this<state> {
         if (components.erase(path) > 0) news.gone(path);
     }
 
-    void on_names(const naming::name_events& told) {
+    void on_names(const naming::name_events& result) {
         std::set<std::string> present;
-        for (const auto& one : told.events) {
+        for (const auto& one : result.events) {
             const auto& path = one.name.path;
             if (!wanted.has(path) || path == self.path()) continue;
             if (one.what == naming::name_change::removed) {
@@ -68,7 +68,7 @@ struct system_watch::state : std::enable_shared_from_this<state> {
             present.insert(path);
             ask(path);
         }
-        if (!told.snapshot) return;
+        if (!result.snapshot) return;
         std::vector<std::string> old;
         for (const auto& [path, about] : components)
             if (!present.contains(path)) old.push_back(path);
@@ -88,12 +88,12 @@ struct system_watch::state : std::enable_shared_from_this<state> {
         auto who = me->self.at(path);
         for (;;) {
             describe_request question;
-            auto told = co_await who.try_call(describe_service, question, question_deadline);
+            auto response = co_await who.try_call(describe_service, question, question_deadline);
             auto found = me->components.find(path);
             if (me->over || found == me->components.end()) co_return; // it has gone
-            if (told) {
-                found->second.told = false;
-                me->news.described(path, std::move(*told));
+            if (response) {
+                found->second.reported = false;
+                me->news.described(path, std::move(*response));
                 found = me->components.find(path);
                 if (me->over || found == me->components.end()) co_return;
                 if (!std::exchange(found->second.again, false)) {
@@ -101,8 +101,8 @@ struct system_watch::state : std::enable_shared_from_this<state> {
                     co_return;
                 }
             } else {
-                if (!std::exchange(found->second.told, true))
-                    me->news.trouble(fmt::format("'{}' is not shown yet: {}", path, told.error().message()));
+                if (!std::exchange(found->second.reported, true))
+                    me->news.trouble(fmt::format("'{}' is not shown yet: {}", path, response.error().message()));
                 co_await me->self.sleep(question_deadline);
                 if (me->over || !me->components.contains(path)) co_return;
             }
@@ -113,8 +113,8 @@ struct system_watch::state : std::enable_shared_from_this<state> {
 system_watch::system_watch(component& self, service_selection wanted, std::vector<endpoint> name_servers,
                            system_news news)
     : state_(std::make_shared<state>(self, std::move(wanted), std::move(news))) {
-    std::function<void(const naming::name_events&)> on_names = [held = state_](const naming::name_events& told) {
-        if (!held->over) held->on_names(told);
+    std::function<void(const naming::name_events&)> on_names = [held = state_](const naming::name_events& result) {
+        if (!held->over) held->on_names(result);
     };
     std::function<void(const failure&)> on_trouble = [held = state_](const failure& why) {
         if (!held->over) held->news.trouble(fmt::format("names are not known: {}", why.message()));

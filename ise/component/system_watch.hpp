@@ -21,7 +21,7 @@ struct service_selection {
     bool own_services = false;         ///< ISE's own, such as `ise.health`
 
     bool has(const std::string& path) const;
-    bool has(const service_text& service) const; ///< provided ones only
+    bool has(const service_info& service) const; ///< provided ones only
     /// Adds `show`, `only` and `except`, bound to this selection, which must outlive the set.
     void add_to(parameter_set& set);
 };

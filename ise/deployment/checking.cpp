@@ -27,17 +27,17 @@ std::string as_argument(const parameter& of, const value& from) {
 }
 
 std::string without_server(const std::string& name, const std::vector<std::string>& there) {
-    auto told = advice(name, there, "there is none");
+    auto result = advice(name, there, "there is none");
     return fmt::format("no instantiation server '{}' is registered; {} start it on that host: ise_instantiation_server "
                        "--name {} --programs FOLDER",
-                       name, told.ends_with('?') ? told + " Else" : told + ";", name);
+                       name, result.ends_with('?') ? result + " Else" : result + ";", name);
 }
 
 class checker {
 public:
     explicit checker(std::vector<problem>& problems) : problems_(problems) {}
 
-    void check(wanted_component& one, const type_text& type) {
+    void check(wanted_component& one, const type_info& type) {
         one.request.arguments.clear();
         for (const auto& given : one.parameters) check(one, type, given);
         for (const auto& variable : one.request.variables)
@@ -48,7 +48,7 @@ public:
     }
 
 private:
-    void check(wanted_component& one, const type_text& type, const wanted_parameter& given) {
+    void check(wanted_component& one, const type_info& type, const wanted_parameter& given) {
         auto found = std::ranges::find(type.parameters, given.name.text, &parameter::name);
         if (found == type.parameters.end()) {
             std::vector<std::string> names;
@@ -75,7 +75,7 @@ private:
 
 } // namespace
 
-const type_text* host_state::type(const std::string& name) const {
+const type_info* host_state::type(const std::string& name) const {
     for (const auto& one : types)
         if (one.about.name == name) return &one.about;
     return nullptr;

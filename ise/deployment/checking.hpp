@@ -14,7 +14,7 @@ struct host_state {
     std::vector<instantiation::instance_info> instances;
     std::map<std::string, instantiation::checked_start> checked; ///< what it has against what is wanted of it, by path
 
-    const type_text* type(const std::string& name) const;
+    const type_info* type(const std::string& name) const;
 };
 
 /// The one of a host of the file; null: there is none.

@@ -77,7 +77,7 @@ private:
 
 } // namespace
 
-ordering order_of(const deployment& of, const std::vector<const type_text*>& types) {
+ordering order_of(const deployment& of, const std::vector<const type_info*>& types) {
     graph all(of);
     const auto& components = of.components;
     for (std::size_t then = 0; then < components.size(); ++then)

@@ -16,6 +16,6 @@ struct ordering {
 /// `types` are those of the components; null where the type is not known. A component comes after those that it names;
 /// one that names nobody comes after those of other types that provide what it requires, unless they come after it
 /// already: of two that require each other, the later one in the file is started first. Else the order is the file's.
-ordering order_of(const deployment& of, const std::vector<const type_text*>& types);
+ordering order_of(const deployment& of, const std::vector<const type_info*>& types);
 
 } // namespace ise::deployment

@@ -33,7 +33,7 @@ public:
           all_(only.empty()) {
         for (const auto& host : hosts)
             for (const auto& one : host.instances) there_[one.path].push_back({&host, &one});
-        std::vector<const type_text*> types;
+        std::vector<const type_info*> types;
         for (const auto& one : wanted.components) {
             const auto* state = state_of(wanted, one.host.text, hosts);
             states_.push_back(state);
@@ -157,7 +157,7 @@ private:
         made_.steps.push_back(std::move(made));
     }
 
-    void bring_up(const wanted_component& one, const host_state& on, const type_text& type) {
+    void bring_up(const wanted_component& one, const host_state& on, const type_info& type) {
         auto count = made_.steps.size();
         const auto& path = one.request.path;
         const instance_info* here = nullptr;
@@ -196,7 +196,7 @@ private:
         made_.steps.push_back(std::move(made));
     }
 
-    void adapt(const wanted_component& one, const host_state& on, const type_text& type, const instance_info& here) {
+    void adapt(const wanted_component& one, const host_state& on, const type_info& type, const instance_info& here) {
         auto checked = on.checked.find(here.path);
         auto found = instantiation::differences(here, one.request, type,
                                                 checked != on.checked.end() && checked->second.other_environment);
@@ -221,7 +221,7 @@ private:
     const deployment& wanted_;
     std::map<std::string, std::vector<running>> there_; // by path
     std::vector<const host_state*> states_;
-    std::vector<const type_text*> types_;
+    std::vector<const type_info*> types_;
     std::vector<std::size_t> order_;
     std::vector<steps> before_; // of each component others
     std::vector<steps> last_;   // of each component the steps after which it is as it should be

@@ -306,15 +306,15 @@ std::optional<std::size_t> deployment::component(const std::string& wanted) cons
 }
 
 reading read_deployment(const std::string& file, const file_reader& read, const settings& given) {
-    reading told;
-    auto root = load(file, read, told.problems);
-    if (told.problems.empty()) { // what stands on what cannot be read says nothing new
-        put_variables_in(root, given, told.problems);
-        told.made = builder(told.problems).build(root);
+    reading result;
+    auto root = load(file, read, result.problems);
+    if (result.problems.empty()) { // what stands on what cannot be read says nothing new
+        put_variables_in(root, given, result.problems);
+        result.made = builder(result.problems).build(root);
     }
-    std::ranges::stable_sort(told.problems, {},
+    std::ranges::stable_sort(result.problems, {},
                              [](const problem& one) { return std::tuple(one.at.file, one.at.line, one.at.column); });
-    return told;
+    return result;
 }
 
 } // namespace ise::deployment

@@ -53,7 +53,7 @@ void http_stream::close() noexcept {
     asio::const_buffer last(last_chunk.data(), last_chunk.size());
     if (chunked_ && !busy_ && !ended_ && head_.empty()) line.try_write(std::span(&last, 1)); // an end, not a failure
     line.close();
-    if (auto told = std::exchange(on_closed_, nullptr)) told();
+    if (auto result = std::exchange(on_closed_, nullptr)) result();
 }
 
 task<> http_stream::watch(std::shared_ptr<http_stream> self) {

@@ -32,7 +32,7 @@ public:
     /// Closes the connection; between pieces the body is complete, within one it is cut off. Idempotent.
     void close() noexcept;
     /// Called once, when either side closes the connection.
-    void on_closed(std::function<void()> told) { on_closed_ = std::move(told); }
+    void on_closed(std::function<void()> result) { on_closed_ = std::move(result); }
 
     /// Reads, and keeps nothing, so that `self` is closed as soon as the client leaves. Cancellation: terminal.
     static task<> watch(std::shared_ptr<http_stream> self);

@@ -44,7 +44,7 @@ bool is_common(std::string_view name) {
     return std::ranges::find(common, name) != std::end(common);
 }
 
-std::string objection_to(const type_text& type) {
+std::string objection_to(const type_info& type) {
     if (!is_word(type.name)) return fmt::format("a type cannot be called '{}'", shown(type.name));
     if (!type.path.empty() && !good_path(type.path))
         return fmt::format("type '{}': '{}' is not a path of a component", type.name, shown(type.path));
@@ -69,7 +69,7 @@ std::string objection_to(const type_text& type) {
     return {};
 }
 
-result<void> add_arguments(launch_plan& to, const type_text& type, const start_request& request,
+result<void> add_arguments(launch_plan& to, const type_info& type, const start_request& request,
                            const launch_rules& rules) {
     if (request.arguments.size() > rules.max_arguments)
         return wrong(
@@ -112,7 +112,7 @@ std::vector<std::string> values_of(const parameter& of, const start_request& req
 
 // Where the component listens beside its own endpoints: they are tried before a start. A preset that is no endpoint
 // tells people what happens without one.
-void add_listening(launch_plan& to, const type_text& type, const start_request& request) {
+void add_listening(launch_plan& to, const type_info& type, const start_request& request) {
     for (const auto& one : type.parameters) {
         if (one.kind == parameter_kind::endpoint) {
             for (const auto& value : values_of(one, request))
@@ -127,7 +127,7 @@ void add_listening(launch_plan& to, const type_text& type, const start_request& 
     }
 }
 
-result<void> add_variables(launch_plan& to, const type_text& type, const start_request& request) {
+result<void> add_variables(launch_plan& to, const type_info& type, const start_request& request) {
     if (request.variables.size() > type.variables.size())
         if (type.variables.empty())
             return wrong(fmt::format("type '{}' lets others set no environment variable", type.name));
@@ -213,7 +213,7 @@ result<void> check_process(const catalogue_type& type, const start_request& requ
     return {};
 }
 
-result<std::string> full_path(const type_text& type, const start_request& request) {
+result<std::string> full_path(const type_info& type, const start_request& request) {
     auto path = request.path.empty() ? type.path : request.path;
     if (path.empty()) return wrong(fmt::format("type '{}' has no path of its own: give one", type.name));
     if (!request.name_space.empty()) path = request.name_space + "/" + path;
@@ -226,14 +226,14 @@ result<std::string> full_path(const type_text& type, const start_request& reques
 } // namespace
 
 void catalogue::add(const std::string& program, const std::string& description) {
-    program_text told;
+    program_info message;
     try {
-        told = from_json<program_text>(description);
+        message = from_json<program_info>(description);
     } catch (const error& unfit) {
         return add_problem(
             fmt::format("{}: its answer to --describe is not a description: {}", program, shown(unfit.what())));
     }
-    for (auto& type : told.types) {
+    for (auto& type : message.types) {
         auto why = objection_to(type);
         if (why.empty() && types_.size() >= max_types)
             why = fmt::format("type '{}' is one too many: {} are kept", type.name, max_types);
@@ -244,11 +244,11 @@ void catalogue::add(const std::string& program, const std::string& description) 
             continue;
         }
         auto name = type.name;
-        types_.emplace(std::move(name), catalogue_type{program, std::move(type), told.shares_process});
+        types_.emplace(std::move(name), catalogue_type{program, std::move(type), message.shares_process});
     }
 }
 
-const type_text* catalogue::find(const std::string& type) const {
+const type_info* catalogue::find(const std::string& type) const {
     auto found = types_.find(type);
     return found == types_.end() ? nullptr : &found->second.about;
 }

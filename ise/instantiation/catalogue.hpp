@@ -31,7 +31,7 @@ public:
 
     types_response tell() const;
     /// Null: there is no such type.
-    const type_text* find(const std::string& type) const;
+    const type_info* find(const std::string& type) const;
     const std::vector<std::string>& problems() const noexcept { return problems_; }
 
     /// What a request comes to. errc::no_such_name: no such type; errc::invalid_argument: a path that is none, a

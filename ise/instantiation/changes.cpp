@@ -22,7 +22,7 @@ std::string said(const std::string& message, std::string_view service) {
     return end == std::string::npos ? message : message.substr(end + 2);
 }
 
-[[noreturn]] void refuse_restart(const instance& which, const std::vector<difference>& wanted, const type_text& type) {
+[[noreturn]] void refuse_restart(const instance& which, const std::vector<difference>& wanted, const type_info& type) {
     for (const auto& one : wanted) {
         if (one.in_place) continue;
         std::vector<std::string> others;
@@ -147,13 +147,13 @@ task<result<void>> changes::set_parameters(instance_ptr one, std::vector<argumen
     change_parameters_request request;
     for (auto& [name, value] : settings) request.settings.push_back({std::move(name), std::move(value)});
     auto who = here_.self.at(one->plan.path);
-    auto told = co_await who.try_call(change_parameters_service, std::move(request), parameter_wait);
-    if (told) co_return result<void>();
+    auto response = co_await who.try_call(change_parameters_service, std::move(request), parameter_wait);
+    if (response) co_return result<void>();
     // It threw: that is a refusal, too.
-    bool its_own = told.error().code() == errc::handler_failed || told.error().code() == errc::refused;
-    if (!its_own) co_return told.error();
+    bool its_own = response.error().code() == errc::handler_failed || response.error().code() == errc::refused;
+    if (!its_own) co_return response.error();
     co_return failure(errc::refused, fmt::format("{} refuses it: {}", one->plan.path,
-                                                 said(told.error().message(), change_parameters_service.name())));
+                                                 said(response.error().message(), change_parameters_service.name())));
 }
 
 void changes::become(const instance_ptr& one, start_request asked, launch_plan plan) {

@@ -83,7 +83,7 @@ std::vector<argument> with_settings(std::vector<argument> given, const std::vect
     return given;
 }
 
-std::vector<difference> differences(const instance_info& is, const start_request& wanted, const type_text& type,
+std::vector<difference> differences(const instance_info& is, const start_request& wanted, const type_info& type,
                                     bool other_environment) {
     std::vector<difference> all;
     compare(all, "type", is.type, wanted.type);

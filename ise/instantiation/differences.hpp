@@ -18,7 +18,7 @@ struct difference {
 /// What of a running instance would have to change to be as `wanted`; its parameters are those of `type`. A parameter
 /// that is not given is at its preset. Only its instantiation server can tell of `other_environment`. Nothing: it is as
 /// wanted.
-std::vector<difference> differences(const instance_info& is, const start_request& wanted, const type_text& type,
+std::vector<difference> differences(const instance_info& is, const start_request& wanted, const type_info& type,
                                     bool other_environment);
 
 /// The arguments of a request after some of them were set again.

@@ -38,10 +38,10 @@ task<> installed_types::refresh() {
             fresh.add_problem(fmt::format("{}: {}", name, one.objection));
             continue;
         }
-        auto told = co_await here_.host.ask(here_.self.on(), options.programs_folder + "/" + name,
+        auto info = co_await here_.host.ask(here_.self.on(), options.programs_folder + "/" + name,
                                             max_description_bytes, options.describe_within);
-        if (told) fresh.add(name, *told);
-        else fresh.add_problem(told.error().message());
+        if (info) fresh.add(name, *info);
+        else fresh.add_problem(info.error().message());
     }
     catalogue_ = std::move(fresh);
     programs_ = std::move(programs);

@@ -57,22 +57,22 @@ bool instance::other_environment(const start_request& wanted) const {
     return by_name(asked.variables) != by_name(wanted.variables);
 }
 
-process_end how_it_ended(process_end told, const std::string& mark, const output_file& printed) {
-    if (told.known) return told;
+process_end how_it_ended(process_end result, const std::string& mark, const output_file& printed) {
+    if (result.known) return result;
     auto record = printed.status();
     bool of_it = record && record->ended && record->mark == mark;
-    return of_it ? record->how : told;
+    return of_it ? record->how : result;
 }
 
 task<> next_change(loop& on, std::shared_ptr<instance> of) {
-    waiter<> told(on, [&told] { told.resume(); });
+    waiter<> result(on, [&result] { result.resume(); });
     struct listed { // whichever way this coroutine ends
         std::vector<waiter<>*>& all;
         waiter<>* who;
         ~listed() { std::erase(all, who); }
-    } among{of->awaiting, &told};
-    of->awaiting.push_back(&told);
-    co_await told.wait();
+    } among{of->awaiting, &result};
+    of->awaiting.push_back(&result);
+    co_await result.wait();
 }
 
 } // namespace ise::instantiation

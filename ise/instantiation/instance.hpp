@@ -48,7 +48,7 @@ struct instance {
 };
 
 /// What is known already, else what the keeper of the process with that mark recorded.
-process_end how_it_ended(process_end told, const std::string& mark, const output_file& printed);
+process_end how_it_ended(process_end result, const std::string& mark, const output_file& printed);
 
 /// Suspends until something of the instance has changed. Cancellation: terminal.
 task<> next_change(loop& on, std::shared_ptr<instance> of);

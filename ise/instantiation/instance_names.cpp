@@ -22,14 +22,14 @@ bool is_starting(const instance& one, std::uint64_t life) {
 
 task<> instance_names::check_free(std::string path) {
     naming::describe_request question{path};
-    auto told = co_await name_server_.try_call(naming::describe, std::move(question), first_question);
-    if (!told) {
-        if (told.error().code() == errc::no_such_name) co_return;
+    auto response = co_await name_server_.try_call(naming::describe, std::move(question), first_question);
+    if (!response) {
+        if (response.error().code() == errc::no_such_name) co_return;
         throw error(errc::name_server_lost,
                     fmt::format("whether '{}' is free, and when it is ready, only the name server can tell: {}", path,
-                                told.error().message()));
+                                response.error().message()));
     }
-    const auto& name = told->name;
+    const auto& name = response->name;
     bool here = name.host_name == here_.self.env().identity().host_name;
     if (here && !here_.host.alive(static_cast<std::int32_t>(name.process_id))) co_return; // its lease ends soon
     throw error(errc::name_taken, fmt::format("'{}' is held by process {} on {}, which was not started here", path,
@@ -41,8 +41,8 @@ task<> instance_names::wait_until_free(instance_ptr one, std::uint64_t life) {
     auto until = saturating_add(here_.self.now(), max_wait_for_name);
     while (here_.self.now() < until && is_starting(*one, life)) {
         naming::describe_request question{one->plan.path};
-        auto told = co_await name_server_.try_call(naming::describe, std::move(question), one_question);
-        if (!told) co_return; // free; or nobody knows, then the component finds out
+        auto response = co_await name_server_.try_call(naming::describe, std::move(question), one_question);
+        if (!response) co_return; // free; or nobody knows, then the component finds out
         co_await here_.self.sleep(100ms);
     }
 }
@@ -56,11 +56,11 @@ void instance_names::free_those_of(const std::string& mark) {
 task<> instance_names::free_now(std::string mark) {
     naming::ended_request request;
     request.launch_mark = mark;
-    auto told = co_await name_server_.try_call(naming::ended, std::move(request), 2s);
+    auto response = co_await name_server_.try_call(naming::ended, std::move(request), 2s);
     freeing_.erase(freeing_.find(mark));
-    if (!told)
-        here_.self.log().debug(
-            fmt::format("names of a process that ended are free when its lease is over: {}", told.error().message()));
+    if (!response)
+        here_.self.log().debug(fmt::format("names of a process that ended are free when its lease is over: {}",
+                                           response.error().message()));
 }
 
 task<> instance_names::follow_readiness(instance_ptr one, std::uint64_t life) {
@@ -84,11 +84,11 @@ task<> instance_names::follow_readiness(instance_ptr one, std::uint64_t life) {
 task<std::string> instance_names::obstacle_of(instance_ptr one) {
     auto mark = one->mark;
     naming::describe_request question{one->plan.path};
-    auto told = co_await name_server_.try_call(naming::describe, std::move(question), one_question);
-    if (!told)
-        co_return told.error().code() == errc::no_such_name ? fmt::format("the name server does not know it yet")
-                                                            : told.error().message();
-    const auto& name = told->name;
+    auto response = co_await name_server_.try_call(naming::describe, std::move(question), one_question);
+    if (!response)
+        co_return response.error().code() == errc::no_such_name ? fmt::format("the name server does not know it yet")
+                                                                : response.error().message();
+    const auto& name = response->name;
     if (name.host_name != here_.self.env().identity().host_name ||
         !here_.host.carries(static_cast<std::int32_t>(name.process_id), mark))
         co_return fmt::format("its name is held by process {} on {}", name.process_id, name.host_name);

@@ -48,7 +48,7 @@ std::uint64_t milliseconds_since_boot() {
 }
 
 std::string ended_text(const process_end& how) {
-    if (!how.told.empty()) return "ended: " + how.told;
+    if (!how.reason.empty()) return "ended: " + how.reason;
     return how.by_signal ? "ended by " + how.text() : "ended with " + how.text();
 }
 
@@ -114,8 +114,8 @@ public:
         }
         end_tree();
         while (read_output()) {}
-        if (how_.told.empty() && cgroup_.ran_out_of_memory())
-            how_.told =
+        if (how_.reason.empty() && cgroup_.ran_out_of_memory())
+            how_.reason =
                 fmt::format("killed by the kernel: it used more than its limit of memory ({})", as_text(order_.limits));
         cgroup_.close();
         log_.mark_line(ended_text(how_));
@@ -150,7 +150,7 @@ private:
         if (pid == 0) {
             become_the_program(me, writing.get());
             const std::array<int, 2> problem{errno, failed_step_};
-            [[maybe_unused]] auto told = ::write(refuse.get(), problem.data(), sizeof problem);
+            [[maybe_unused]] auto result = ::write(refuse.get(), problem.data(), sizeof problem);
             ::_exit(127);
         }
         writing = file_handle();
@@ -165,9 +165,9 @@ private:
                 "cannot start {}{}: {}{}", order_.program, user_ ? fmt::format(" as user '{}'", user_->name) : "",
                 problem[1] == 0 ? "" : fmt::format("{}: ", name_of_step(problem[1])), std::strerror(problem[0]));
         }
-        auto told = look_up(pid); // not reaped: the number is its own
-        if (told) leader_ = told->stamp;
-        return told ? std::string() : fmt::format("cannot watch process {} of {}", pid, order_.program);
+        auto result = look_up(pid); // not reaped: the number is its own
+        if (result) leader_ = result->stamp;
+        return result ? std::string() : fmt::format("cannot watch process {} of {}", pid, order_.program);
     }
 
     // Only returns if it cannot.
@@ -255,9 +255,9 @@ private:
             if (pid < 0) return errno == EINTR;
             if (pid != leader_.pid || ended_) continue;
             ended_ = true;
-            auto reason = std::move(how_.told);
+            auto reason = std::move(how_.reason);
             how_ = end_of_status(status);
-            how_.told = std::move(reason);
+            how_.reason = std::move(reason);
         }
     }
 
@@ -273,11 +273,11 @@ private:
             return !counts || tasks <= limits.pids;
         });
         if (counts && tasks > limits.pids)
-            how_.told =
+            how_.reason =
                 fmt::format("killed: it had more processes and threads than its limit of {} (pids)", limits.pids);
         else if (limits.memory != 0 && !cgroup_.keeps_memory() && memory_of(all, limits.memory) > limits.memory)
-            how_.told = fmt::format("killed: it used more than its limit of memory ({})", as_text(limits));
-        if (!how_.told.empty()) end_tree();
+            how_.reason = fmt::format("killed: it used more than its limit of memory ({})", as_text(limits));
+        if (!how_.reason.empty()) end_tree();
         return all.size() > 1;
     }
 
@@ -330,7 +330,7 @@ private:
 
 void tell_starter(const std::string& text) {
     auto line = text + "\n";
-    [[maybe_unused]] auto told = ::write(STDOUT_FILENO, line.data(), line.size());
+    [[maybe_unused]] auto result = ::write(STDOUT_FILENO, line.data(), line.size());
     file_handle nowhere(::open("/dev/null", O_RDWR | O_CLOEXEC));
     ::dup2(nowhere.get(), STDOUT_FILENO);
     ::dup2(nowhere.get(), STDERR_FILENO);

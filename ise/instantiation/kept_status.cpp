@@ -22,7 +22,7 @@ std::string kept_status_text(const kept_status& of, std::uint64_t sequence, bool
         fmt::format("{} {} {} {} {} {} {} {} {} {} {} {} {}\n", sequence, moving ? 1 : 0, of.base, of.dropped, of.life,
                     of.mark.empty() ? "-" : of.mark, of.process.pid, of.process.start_ticks, of.ended ? 1 : 0,
                     of.how.known ? 1 : 0, of.how.by_signal ? 1 : 0, of.how.number, of.ended_at_ms);
-    text += one_line(of.trouble) + "\n" + one_line(of.how.told) + "\n";
+    text += one_line(of.trouble) + "\n" + one_line(of.how.reason) + "\n";
     auto end = fmt::format("{}\n", sequence);
     text.resize(kept_status_bytes - end.size(), ' ');
     return text + end;
@@ -39,7 +39,7 @@ std::optional<kept_status> read_kept_status(std::string_view text) {
     std::string rest;
     std::getline(lines, rest);
     std::getline(lines, made.trouble);
-    std::getline(lines, made.how.told);
+    std::getline(lines, made.how.reason);
     lines >> sequence_at_end;
     if (!lines || sequence != sequence_at_end || moving != 0) return {};
     if (made.mark == "-") made.mark.clear();

@@ -24,8 +24,8 @@ struct process_stamp {
 struct process_end {
     bool known = false; ///< false: there is no record of it
     bool by_signal = false;
-    int number = 0;   ///< exit code or signal
-    std::string told; ///< what became of it, where that says more than exit code or signal
+    int number = 0;     ///< exit code or signal
+    std::string reason; ///< what became of it, where that says more than exit code or signal
 
     bool well() const noexcept { return known && !by_signal && number == 0; }
     /// "exit code 3", "signal 9 (Killed)"

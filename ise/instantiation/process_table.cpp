@@ -57,7 +57,7 @@ bool add_children(std::int32_t pid, std::vector<std::int32_t>& to) {
 void visit_by_parents(std::int32_t pid, const std::function<bool(const process_entry&)>& visit) {
     std::multimap<std::int32_t, process_entry> by_parent;
     for (auto one : numbers_in_folder("/proc"))
-        if (auto told = look_up(one)) by_parent.emplace(told->parent, *told);
+        if (auto result = look_up(one)) by_parent.emplace(result->parent, *result);
     std::deque<std::int32_t> open{pid};
     while (!open.empty()) {
         auto [from, to] = by_parent.equal_range(open.front());
@@ -89,7 +89,7 @@ file_handle::~file_handle() {
 }
 
 std::string process_end::text() const {
-    if (!told.empty()) return told;
+    if (!reason.empty()) return reason;
     if (!known)
         return "killed or crashed, it seems: its keeper process was killed and left no record of it (see `ise logs`)";
     if (by_signal) return fmt::format("signal {} ({})", number, ::strsignal(number));
@@ -144,10 +144,10 @@ std::vector<process_entry> members_of(const process_stamp& leader, const std::st
     bool group_is_its = leader.pid > 1 && (!head || head->stamp == leader);
     for (auto pid : numbers_in_folder("/proc")) {
         if (pid <= 1 || pid == ::getpid()) continue;
-        auto told = look_up(pid);
-        if (!told || told->ended) continue;
-        bool in_group = group_is_its && told->group == leader.pid && told->stamp.start_ticks >= leader.start_ticks;
-        if (in_group || carries_mark(pid, mark)) found.push_back(*told);
+        auto result = look_up(pid);
+        if (!result || result->ended) continue;
+        bool in_group = group_is_its && result->group == leader.pid && result->stamp.start_ticks >= leader.start_ticks;
+        if (in_group || carries_mark(pid, mark)) found.push_back(*result);
     }
     std::ranges::sort(found, {},
                       [](const process_entry& one) { return std::pair(one.stamp.start_ticks, one.stamp.pid); });
@@ -173,9 +173,9 @@ void visit_descendants(std::int32_t pid, const std::function<bool(const process_
         if (!add_children(next, children)) return visit_by_parents(pid, visit);
         for (auto child : children) {
             if (!seen.insert(child).second) continue; // its parent ended meanwhile
-            auto told = look_up(child);
-            if (!told) continue;
-            if (!visit(*told)) return;
+            auto result = look_up(child);
+            if (!result) continue;
+            if (!visit(*result)) return;
             open.push_back(child);
         }
     }
@@ -184,7 +184,7 @@ void visit_descendants(std::int32_t pid, const std::function<bool(const process_
 std::optional<process_entry> find_keeper(const std::string& mark) {
     for (auto pid : numbers_in_folder("/proc"))
         if (carries_mark(pid, mark, keeper_variable))
-            if (auto told = look_up(pid); told && !told->ended) return told;
+            if (auto result = look_up(pid); result && !result->ended) return result;
     return {};
 }
 
@@ -193,7 +193,7 @@ std::uint64_t threads_of_user(std::uint32_t user) {
     for (auto pid : numbers_in_folder("/proc")) {
         struct stat about {};
         if (::stat(fmt::format("/proc/{}", pid).c_str(), &about) != 0 || about.st_uid != user) continue;
-        if (auto told = look_up(pid)) count += told->threads;
+        if (auto result = look_up(pid)) count += result->threads;
     }
     return count;
 }

@@ -231,12 +231,12 @@ result<std::unique_ptr<process>> real_machine::launch(loop& on, const launch_ord
     auto pid = spawn(order, writing.get());
     if (!pid) return pid.error();
     writing = file_handle();
-    auto told = line_of_keeper(reading.get());
+    auto outcome = line_of_keeper(reading.get());
     kept_entry who;
     who.mark = what.mark;
     auto keeper = look_up(*pid); // not reaped: the number is its own, whatever it does
     if (keeper) who.keeper = keeper->stamp;
-    std::istringstream words(told);
+    std::istringstream words(outcome);
     std::string first;
     bool started = words >> first >> who.leader.pid >> who.leader.start_ticks && first == "started";
     auto watch = started ? open_process(who.keeper) : file_handle();
@@ -247,8 +247,9 @@ result<std::unique_ptr<process>> real_machine::launch(loop& on, const launch_ord
         return failure(errc::io_failed, fmt::format("cannot watch process {} of {}: the kernel gives no handle of it",
                                                     *pid, what.program));
     return failure(errc::io_failed,
-                   told.empty() ? fmt::format("cannot start {}: its keeper did not start it within 5 s", what.program)
-                                : told);
+                   outcome.empty()
+                       ? fmt::format("cannot start {}: its keeper did not start it within 5 s", what.program)
+                       : outcome);
 }
 
 result<std::unique_ptr<process>> real_machine::adopt(loop& on, process_stamp who, const std::string& mark,
@@ -273,8 +274,8 @@ result<std::unique_ptr<process>> real_machine::adopt(loop& on, process_stamp who
 bool real_machine::carries(std::int32_t pid, const std::string& mark) const { return carries_mark(pid, mark); }
 
 bool real_machine::alive(std::int32_t pid) const {
-    auto told = look_up(pid);
-    return told && !told->ended;
+    auto result = look_up(pid);
+    return result && !result->ended;
 }
 
 task<result<std::string>> real_machine::ask(loop& on, std::string program, std::size_t max_bytes, duration limit) {
@@ -294,8 +295,8 @@ task<result<std::string>> real_machine::ask(loop& on, std::string program, std::
     auto pid = spawn(order, writing.get());
     writing = file_handle();
     if (!pid) co_return pid.error();
-    auto told = look_up(*pid);
-    auto who = told ? told->stamp : process_stamp{*pid, 0};
+    auto outcome = look_up(*pid);
+    auto who = outcome ? outcome->stamp : process_stamp{*pid, 0};
     process_end end;
     bool over = false;
     waiter<> ended(on, [&ended] { ended.resume(); });

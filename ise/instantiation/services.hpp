@@ -1,5 +1,5 @@
 #pragma once
-#include <ise/component/type_text.hpp>
+#include <ise/component/type_info.hpp>
 #include <ise/core/time.hpp>
 #include <ise/instantiation/limits.hpp>
 #include <ise/session/contract.hpp>
@@ -24,7 +24,7 @@ struct types_request {};
 
 struct catalogue_type {
     std::string program; ///< the file that has it
-    type_text about;
+    type_info about;
     bool shares_process = false; ///< components of that program may run in one process
 };
 

@@ -81,7 +81,7 @@ machine::end_handler shared_processes::end_handler_of(const shared_process_ptr& 
         held->running.reset();
         here_.host.remove(held->control.path);
         table_.remove(held);
-        how.told = fmt::format("its process '{}' ended: {}", held->name, how.text());
+        how.reason = fmt::format("its process '{}' ended: {}", held->name, how.text());
         for (auto& [path, member] : std::exchange(held->members, {}))
             if (auto one = member.who.lock()) instances_.ended(one, member.life, how);
         state_.save();
@@ -117,20 +117,20 @@ task<> shared_processes::launch(instance_ptr one, std::uint64_t life) {
     member.life = life;
     process_host::start_request order;
     order.words.assign(one->plan.words.begin() + 1, one->plan.words.end());
-    auto told = co_await where->host.try_call(process_host::start, std::move(order), one->asked.terms.ready_within);
+    auto response = co_await where->host.try_call(process_host::start, std::move(order), one->asked.terms.ready_within);
     auto found = where->members.find(path);
     bool here = !where->over && found != where->members.end() && found->second.life == life;
     if (life != one->life || !here) co_return; // it has ended, and so did its process
     bool wanted = one->watch.state() == instance_state::starting || one->watch.state() == instance_state::stopping;
-    if (!told || !wanted) {
+    if (!response || !wanted) {
         where->members.erase(found);
-        if (!told && told.error().code() != errc::refused) where->running->kill(); // whatever it is doing
-        if (told) stop_in(where, path);
-        if (wanted) instances_.carry_out(one, one->watch.not_launched(here_.self.now(), told.error().message()));
+        if (!response && response.error().code() != errc::refused) where->running->kill(); // whatever it is doing
+        if (response) stop_in(where, path);
+        if (wanted) instances_.carry_out(one, one->watch.not_launched(here_.self.now(), response.error().message()));
         else tend();
         co_return;
     }
-    found->second.number = told->number;
+    found->second.number = response->number;
     found->second.confirmed = true;
     bool stopping = one->watch.state() == instance_state::stopping;
     one->running = hold(where, path);
@@ -157,7 +157,7 @@ void shared_processes::stop_in(const shared_process_ptr& where, const std::strin
     auto asking = [](remote host, std::string who) -> task<> {
         process_host::stop_request what;
         what.path = std::move(who);
-        auto told = co_await host.try_call(process_host::stop, std::move(what), one_answer);
+        auto response = co_await host.try_call(process_host::stop, std::move(what), one_answer);
     };
     here_.self.spawn("stop of " + path, asking(where->host, path));
 }
@@ -176,19 +176,19 @@ task<> shared_processes::kill_if_stuck(shared_process_ptr where, std::string pat
 task<> shared_processes::follow(shared_process_ptr where) {
     while (!where->over) {
         process_host::components_request what;
-        auto told = co_await where->host.try_call(process_host::components, what, one_answer);
-        if (told && !where->over) compare(*where, *told);
+        auto response = co_await where->host.try_call(process_host::components, what, one_answer);
+        if (response && !where->over) compare(*where, *response);
         co_await here_.self.sleep(look_pause);
     }
 }
 
-void shared_processes::compare(shared_process& of, const process_host::components_response& told) {
+void shared_processes::compare(shared_process& of, const process_host::components_response& result) {
     std::vector<std::pair<shared_process::member, process_end>> ended;
     bool stuck = false;
     for (auto& [path, member] : of.members) {
         if (!member.confirmed) continue;
-        auto found = std::ranges::find(told.components, path, &process_host::hosted::path);
-        bool known = found != told.components.end();
+        auto found = std::ranges::find(result.components, path, &process_host::hosted::path);
+        bool known = found != result.components.end();
         if (known && member.number == 0) member.number = found->number;
         if (known && found->number < member.number) continue; // that was told before it was started
         bool lives = known && found->number == member.number && !found->over;
@@ -197,9 +197,9 @@ void shared_processes::compare(shared_process& of, const process_host::component
         process_end how;
         how.known = true;
         how.number = known && found->failure.empty() ? 0 : 1;
-        how.told = !known                   ? "its process does not know it any more"
-                   : found->failure.empty() ? fmt::format("ended without a failure, in process '{}'", of.name)
-                                            : found->failure;
+        how.reason = !known                   ? "its process does not know it any more"
+                     : found->failure.empty() ? fmt::format("ended without a failure, in process '{}'", of.name)
+                                              : found->failure;
         ended.emplace_back(member, std::move(how));
     }
     for (auto& [member, how] : ended) {

@@ -31,20 +31,20 @@ task<checks_response> start_checks::check(checks_request request) {
     checks_response made;
     std::vector<endpoint> wanted;
     for (auto& one : request.wanted) {
-        checked_start told;
+        checked_start result;
         bool name_server_lost = !made.checked.empty() && made.checked.back().outcome == start_outcome::name_server_lost;
         if (name_server_lost) { // it is not waited for again and again
-            told = made.checked.back();
+            result = made.checked.back();
         } else {
             try {
-                told = co_await check_one(std::move(one), wanted);
+                result = co_await check_one(std::move(one), wanted);
             } catch (const error& why) {
                 auto refused = refusal(why);
-                told.outcome = refused.outcome;
-                told.why = std::move(refused.why);
+                result.outcome = refused.outcome;
+                result.why = std::move(refused.why);
             }
         }
-        made.checked.push_back(std::move(told));
+        made.checked.push_back(std::move(result));
     }
     co_return made;
 }

@@ -270,8 +270,8 @@ task<result<std::string>> etcd_store::post_once(std::string target, std::string 
         idle_.push_back(std::move(over));
     }
     if (status == 200) co_return answer;
-    auto told = json::parse(answer, nullptr, false);
-    auto words = told.is_object() ? told.value("error", std::string()) : std::string();
+    auto parsed = json::parse(answer, nullptr, false);
+    auto words = parsed.is_object() ? parsed.value("error", std::string()) : std::string();
     if (words.find("lease not found") != words.npos) co_return failure(errc::no_such_name, words);
     if (status == 401 || words.find("invalid auth token") != words.npos) {
         token_.clear();
@@ -285,9 +285,9 @@ task<result<void>> etcd_store::log_in() {
     json who;
     who["name"] = options_.user;
     who["password"] = options_.password;
-    auto told = co_await post_once("auth/authenticate", who.dump(), patience);
-    if (!told) co_return told.error();
-    auto read = json::parse(*told, nullptr, false);
+    auto outcome = co_await post_once("auth/authenticate", who.dump(), patience);
+    if (!outcome) co_return outcome.error();
+    auto read = json::parse(*outcome, nullptr, false);
     if (read.is_object()) token_ = read.value("token", std::string());
     if (token_.empty() || token_.find_first_of("\r\n") != token_.npos)
         co_return failure(errc::unauthorized, "etcd gave no token");
@@ -301,8 +301,8 @@ task<result<std::string>> etcd_store::post(std::string target, std::string body,
     }
     auto again = target;
     auto what = body;
-    auto told = co_await post_once(std::move(target), std::move(body), within);
-    if (told || options_.user.empty() || told.error().code() != errc::unauthorized) co_return told;
+    auto outcome = co_await post_once(std::move(target), std::move(body), within);
+    if (outcome || options_.user.empty() || outcome.error().code() != errc::unauthorized) co_return outcome;
     auto in = co_await log_in(); // a token lives five minutes
     if (!in) co_return in.error();
     co_return co_await post_once(std::move(again), std::move(what), within);
@@ -338,9 +338,9 @@ task<result<store_snapshot>> etcd_store::read() {
         question["range_end"] = coded(behind(options_.prefix));
         question["limit"] = "1000";
         if (all.revision != 0) question["revision"] = std::to_string(all.revision);
-        auto told = co_await post("kv/range", question.dump());
-        if (!told) co_return told.error();
-        auto answer = json::parse(*told, nullptr, false);
+        auto outcome = co_await post("kv/range", question.dump());
+        if (!outcome) co_return outcome.error();
+        auto answer = json::parse(*outcome, nullptr, false);
         if (!answer.is_object()) co_return unreadable();
         if (all.revision == 0) all.revision = revision_of(answer);
         for (const auto& one : list_of(answer, "kvs")) {
@@ -379,9 +379,9 @@ task<result<std::vector<store_outcome>>> etcd_store::write(std::vector<store_ste
         nested["request_txn"] = one;
         request["success"].push_back(nested);
     }
-    auto told = co_await post("kv/txn", request.dump());
-    if (!told) co_return told.error();
-    auto answer = json::parse(*told, nullptr, false);
+    auto report = co_await post("kv/txn", request.dump());
+    if (!report) co_return report.error();
+    auto answer = json::parse(*report, nullptr, false);
     if (!answer.is_object()) co_return unreadable();
     std::vector<store_outcome> outcomes;
     for (const auto& one : list_of(answer, "responses")) {
@@ -404,8 +404,8 @@ task<result<void>> etcd_store::probe() {
     json question;
     question["key"] = coded(options_.prefix);
     question["count_only"] = true;
-    auto told = co_await post("kv/range", question.dump());
-    if (!told) co_return told.error();
+    auto report = co_await post("kv/range", question.dump());
+    if (!report) co_return report.error();
     co_return result<void>();
 }
 
@@ -413,20 +413,20 @@ task<result<void>> etcd_store::grant(std::uint64_t lease, duration length) {
     json question;
     question["ID"] = std::to_string(lease);
     question["TTL"] = std::to_string(std::chrono::ceil<std::chrono::seconds>(length).count());
-    auto told = co_await post("lease/grant", question.dump());
-    if (!told) co_return told.error();
+    auto outcome = co_await post("lease/grant", question.dump());
+    if (!outcome) co_return outcome.error();
     co_return result<void>();
 }
 
 task<result<void>> etcd_store::keep(std::uint64_t lease) {
     json question;
     question["ID"] = std::to_string(lease);
-    auto told = co_await post("lease/keepalive", question.dump());
-    if (!told) co_return told.error();
-    auto answer = json::parse(*told, nullptr, false);
+    auto outcome = co_await post("lease/keepalive", question.dump());
+    if (!outcome) co_return outcome.error();
+    auto answer = json::parse(*outcome, nullptr, false);
     auto within = answer.is_object() ? answer.find("result") : answer.end();
     if (!answer.is_object() || within == answer.end())
-        co_return failure(errc::refused, fmt::format("etcd renews no lease: {}", told->substr(0, 200)));
+        co_return failure(errc::refused, fmt::format("etcd renews no lease: {}", outcome->substr(0, 200)));
     if (number(*within, "TTL") == 0) co_return failure(errc::no_such_name, "etcd: the lease is over");
     co_return result<void>();
 }
@@ -434,8 +434,8 @@ task<result<void>> etcd_store::keep(std::uint64_t lease) {
 task<result<void>> etcd_store::revoke(std::uint64_t lease) {
     json question;
     question["ID"] = std::to_string(lease);
-    auto told = co_await post("lease/revoke", question.dump());
-    if (!told && told.error().code() != errc::no_such_name) co_return told.error();
+    auto outcome = co_await post("lease/revoke", question.dump());
+    if (!outcome && outcome.error().code() != errc::no_such_name) co_return outcome.error();
     co_return result<void>();
 }
 

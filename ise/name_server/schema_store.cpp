@@ -59,11 +59,11 @@ void schema_store::sweep() {
 
 void schema_store::collect(const std::vector<naming::service_entry>& services,
                            std::vector<naming::schema_text>& into) const {
-    std::unordered_set<std::uint64_t> told;
+    std::unordered_set<std::uint64_t> result;
     for (const auto& service : services)
         for (auto fingerprint : service.fingerprints) {
             auto found = texts_.find(fingerprint);
-            if (found == texts_.end() || found->second.text.empty() || !told.insert(fingerprint).second) continue;
+            if (found == texts_.end() || found->second.text.empty() || !result.insert(fingerprint).second) continue;
             naming::schema_text text;
             text.fingerprint = fingerprint;
             text.text = found->second.text;

@@ -16,7 +16,7 @@ struct held_name {
     held_name(loop& on, registration of) : who(std::move(of)), answered(on, [this] { answered.resume(); }) {}
 
     /// Whether the server is to be told, from `not_before` on.
-    bool to_tell() const noexcept { return told != version && !refused; }
+    bool to_tell() const noexcept { return registered != version && !refused; }
     naming::component_claim claim() const;
 
     /// Takes the server's answer. A failure: the name is not ours, and will not be (name_taken, superseded, refused).
@@ -34,8 +34,8 @@ struct held_name {
     std::uint64_t epoch = 0;       ///< 0: never granted
     std::uint64_t proof = 0;       ///< of the epoch, as the server gave it
     std::uint64_t shown = 0;       ///< the epoch that the node was told of last
-    std::uint64_t version = 1;     ///< of what is to be told…
-    std::uint64_t told = 0;        ///< …of what the server knows…
+    std::uint64_t version = 1;     ///< of what the server is to be told…
+    std::uint64_t registered = 0;  ///< …of what the server knows…
     std::uint64_t sent = 0;        ///< …and of the request that is not answered yet
     time_point not_before = time_point::min();
     std::optional<naming::holder> other; ///< who was found to hold it first

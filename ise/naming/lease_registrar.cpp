@@ -220,13 +220,13 @@ naming::register_request lease_registrar::request_of(const std::vector<held_name
     request.node.process_id = here.process_id;
     request.node.launch_mark = host_.env().variable(naming::launch_mark_variable).value_or("");
     request.lease = lease_;
-    std::unordered_set<std::uint64_t> told;
+    std::unordered_set<std::uint64_t> result;
     for (const auto* name : batch) {
         request.components.push_back(name->claim());
         for (const auto& service : name->who.services) {
             if (!service.types) continue;
             for (const auto& packet : service.types->schemas) {
-                if (!told.insert(packet.fingerprint()).second) continue;
+                if (!result.insert(packet.fingerprint()).second) continue;
                 naming::schema_text text;
                 text.fingerprint = packet.fingerprint();
                 text.text = packet.text();
@@ -258,7 +258,7 @@ task<bool> lease_registrar::tell() {
         // It may have been withdrawn meanwhile, or be another life's.
         if (found == holdings_.end() || found->second->sent == 0) continue;
         auto sent = std::exchange(found->second->sent, 0);
-        if (grant.what == verdict::granted) found->second->told = sent;
+        if (grant.what == verdict::granted) found->second->registered = sent;
         take(std::move(grant));
     }
     co_return true;
@@ -279,7 +279,7 @@ void lease_registrar::take(naming::grant answer) {
         host_.log().warning("the name server does not register this component yet, trying on",
                             {{"component", answer.path}, {"cause", answer.reason}});
     // What the server knows nothing of under this lease may go to another meanwhile.
-    auto valid = name.told == 0 ? 0 : name.epoch;
+    auto valid = name.registered == 0 ? 0 : name.epoch;
     if (std::exchange(name.shown, valid) == valid) return;
     if (name.enrolling) {
         name.answered.resume();
@@ -327,19 +327,19 @@ task<bool> lease_registrar::renew() {
 task<bool> lease_registrar::tell_departures() {
     telling_departures_ = true;
     const auto number = ++departures_tried_;
-    std::vector<naming::departure> told;
+    std::vector<naming::departure> result;
     std::optional<failure> why;
     try {
         for (const auto& [path, gone] : departures_) {
             naming::departure made;
             made.path = path;
             made.incarnation = gone.incarnation;
-            told.push_back(std::move(made));
-            if (told.size() == max_batch) break;
+            result.push_back(std::move(made));
+            if (result.size() == max_batch) break;
         }
         naming::withdraw_request request;
         request.lease_key = lease_key_;
-        request.departures = told;
+        request.departures = result;
         auto answer =
             co_await names_.try_call(naming::withdraw, std::move(request), std::max(lease_ / 3, min_patience));
         if (!answer) why = answer.error();
@@ -352,7 +352,7 @@ task<bool> lease_registrar::tell_departures() {
         for (auto& [path, gone] : departures_) gone.over.resume();
         unreachable(*why);
     } else {
-        for (const auto& gone : told)
+        for (const auto& gone : result)
             if (leaves(gone.path, gone.incarnation)) forget_departure(gone.path);
     }
     end_of_telling();
@@ -384,7 +384,7 @@ void lease_registrar::look_at_lease(std::uint64_t server, std::uint64_t number) 
 
 void lease_registrar::tell_again_all() {
     for (auto& [path, name] : holdings_) {
-        name->told = 0;
+        name->registered = 0;
         line_up(*name);
     }
 }

@@ -127,17 +127,17 @@ result<resolution> name_resolver::take_members(const std::string& role, const st
                                                bool certain) {
     resolution found;
     found.role = true;
-    for (const auto& told : members) {
+    for (const auto& outcome : members) {
         naming::resolve_response one;
-        one.host_key = told.host_key;
-        one.process_key = told.process_key;
-        one.endpoints = told.endpoints;
+        one.host_key = outcome.host_key;
+        one.process_key = outcome.process_key;
+        one.endpoints = outcome.endpoints;
         location where;
-        where.path = told.path;
-        where.epoch = told.epoch;
-        where.incarnation = told.incarnation;
-        where.priority = told.priority;
-        where.ready = told.state == "ready";
+        where.path = outcome.path;
+        where.epoch = outcome.epoch;
+        where.incarnation = outcome.incarnation;
+        where.priority = outcome.priority;
+        where.ready = outcome.state == "ready";
         where.endpoints = reachable_endpoints(one, host_.env().identity());
         if (!where.endpoints.empty()) found.members.push_back(std::move(where));
     }
@@ -181,7 +181,7 @@ void name_resolver::follow(const std::string& role, peer_channel& who) {
     entry.by.push_back(&who);
     if (!entry.watch)
         entry.watch = std::make_unique<role_watch>(host_, server(), role,
-                                                   [this](const naming::role_members& told) { on_news(told); });
+                                                   [this](const naming::role_members& result) { on_news(result); });
 }
 
 void name_resolver::unfollow(const std::string& role, peer_channel& who) noexcept {
@@ -191,16 +191,16 @@ void name_resolver::unfollow(const std::string& role, peer_channel& who) noexcep
     if (found->second.by.empty()) followed_.erase(found);
 }
 
-void name_resolver::on_news(const naming::role_members& told) {
-    if (told.members.empty() && !told.certain) return;
+void name_resolver::on_news(const naming::role_members& result) {
+    if (result.members.empty() && !result.certain) return;
     resolution now;
     now.role = true;
-    if (told.members.empty()) {
-        known_.erase(told.role);
-    } else if (auto taken = take_members(told.role, told.members, told.certain)) {
+    if (result.members.empty()) {
+        known_.erase(result.role);
+    } else if (auto taken = take_members(result.role, result.members, result.certain)) {
         now = std::move(*taken);
     }
-    auto found = followed_.find(told.role);
+    auto found = followed_.find(result.role);
     if (found == followed_.end()) return;
     for (auto* one : std::vector(found->second.by)) one->on_members(now);
 }

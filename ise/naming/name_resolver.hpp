@@ -54,7 +54,7 @@ private:
     result<resolution> take(const std::string& path, result<naming::resolve_response> answer);
     result<resolution> take_members(const std::string& role, const std::vector<naming::role_member>& members,
                                     bool certain);
-    void on_news(const naming::role_members& told);
+    void on_news(const naming::role_members& outcome);
     const resolution* recall(const std::string& path);
     void remember(const std::string& path, const resolution& who);
 

@@ -22,9 +22,9 @@ result<std::vector<endpoint>> parse_name_servers(std::string_view text) {
 }
 
 result<std::vector<endpoint>> usual_name_servers(const environment& env) {
-    auto told = env.variable("ISE_NAME_SERVER");
-    if (!told || told->empty()) return std::vector<endpoint>{default_name_server()};
-    auto all = parse_name_servers(*told);
+    auto outcome = env.variable("ISE_NAME_SERVER");
+    if (!outcome || outcome->empty()) return std::vector<endpoint>{default_name_server()};
+    auto all = parse_name_servers(*outcome);
     if (!all) return failure(all.error().code(), "ISE_NAME_SERVER: " + all.error().message());
     return all;
 }

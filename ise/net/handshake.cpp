@@ -138,8 +138,8 @@ private:
         buffer out;
         auto record = tls::record_of(keys_.demanded() ? tls::refusal::old_scheme : tls::refusal::no_key);
         out.append(bytes_view(record));
-        auto told = co_await send(std::move(out));
-        if (!told) co_return told.error();
+        auto outcome = co_await send(std::move(out));
+        if (!outcome) co_return outcome.error();
         co_return failure(errc::unauthorized, fmt::format("{}: received TLS on an endpoint without TLS: {}", peer(),
                                                           tls::why_no_seal(keys_.demanded())));
     }
@@ -297,8 +297,8 @@ task<result<std::shared_ptr<connection>>> respond(loop& on, std::unique_ptr<stre
         wire::farewell no;
         no.code = static_cast<std::uint8_t>(answer.error().code());
         no.reason = answer.error().message();
-        auto told = co_await with.send(frame_type::reject, no);
-        if (!told) co_return told.error();
+        auto outcome = co_await with.send(frame_type::reject, no);
+        if (!outcome) co_return outcome.error();
         co_return failure(answer.error().code(),
                           fmt::format("{} was rejected: {}", with.peer(), answer.error().message()));
     }

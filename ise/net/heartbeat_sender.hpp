@@ -64,7 +64,7 @@ class heartbeat_senders {
 public:
     /// `told` is called, on the thread that adds, when a peer wants to hear something sooner than all before it. Set
     /// before anything is added.
-    void on_shorter(std::function<void()> told) { on_shorter_ = std::move(told); }
+    void on_shorter(std::function<void()> result) { on_shorter_ = std::move(result); }
     void add(const std::shared_ptr<heartbeat_sender>& made);
     /// One of them is to send this often.
     void hasten(duration heartbeat);

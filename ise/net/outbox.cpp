@@ -31,12 +31,12 @@ bool is_request(const frame_header& header) {
 bool outbox::stamp(std::byte* body, std::uint8_t& flags, time_point now) const {
     const auto deadline = deadline_of(body);
     if (deadline <= now) return false;
-    auto told = (deadline - now).count();
+    auto result = (deadline - now).count();
     if (clock_ && clock_->known()) {
-        told = clock_->deadline(deadline, now).time_since_epoch().count();
+        result = clock_->deadline(deadline, now).time_since_epoch().count();
         flags |= wire::flag::until;
     }
-    wire::request_head::set_time(body, told);
+    wire::request_head::set_time(body, result);
     return true;
 }
 

@@ -44,10 +44,10 @@ std::optional<failure> objection_to_way(const wire::hello& caller, const endpoin
     constexpr std::size_t most = 2; // as connected, and as asked for
     auto count = std::min(caller.dialled.size(), most);
     for (std::size_t i = 0; i < count; ++i) {
-        auto told = endpoint::parse(caller.dialled[i]);
-        if (!told) continue;
-        if (i == 0 && leads_to(*told, caller.host_key == env.identity().host_key, reached, env)) return {};
-        if (std::ranges::find(advertised, *told) != advertised.end()) return {};
+        auto parsed = endpoint::parse(caller.dialled[i]);
+        if (!parsed) continue;
+        if (i == 0 && leads_to(*parsed, caller.host_key == env.identity().host_key, reached, env)) return {};
+        if (std::ranges::find(advertised, *parsed) != advertised.end()) return {};
     }
     return failure(errc::unauthorized,
                    fmt::format("it was dialled as {}, but this endpoint is {}: a third party relays the session, and "

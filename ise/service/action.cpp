@@ -41,15 +41,15 @@ bool same_shape(const type_description& a, const type_description& b) {
 bool is_action(const packet_types& types) noexcept {
     if (types.kind != service_kind::subscription) return false;
     const auto& asked = types.schemas[role::subscribe_request].type();
-    const auto& told = types.schemas[role::published].type();
+    const auto& result = types.schemas[role::published].type();
     const auto& usual = schema_of<action_goal<no_goal>>().type();
     if (asked.name != usual.name || asked.members.size() != usual.members.size()) return false;
-    if (told.name != "action_update" || told.members.size() != 1) return false;
+    if (result.name != "action_update" || result.members.size() != 1) return false;
     for (std::size_t place = 0; place + 1 < usual.members.size(); ++place)
         if (asked.members[place].name != usual.members[place].name ||
             !same_shape(asked.members[place].type, usual.members[place].type))
             return false;
-    const auto& what = told.members[0].type;
+    const auto& what = result.members[0].type;
     return what.kind == type_kind::variant && what.members.size() == 3 &&
            same_shape(what.members[2].type, schema_of<run_failure>().type());
 }

@@ -30,11 +30,11 @@ bytes update_of(std::byte kind, bytes_view packet) {
 }
 
 bytes encoded(const failure& why) {
-    run_failure told;
-    told.code = static_cast<std::uint8_t>(why.code());
-    told.execution = static_cast<std::uint8_t>(why.executed());
-    told.reason = why.message();
-    return encode(told);
+    run_failure result;
+    result.code = static_cast<std::uint8_t>(why.code());
+    result.execution = static_cast<std::uint8_t>(why.executed());
+    result.reason = why.message();
+    return encode(result);
 }
 
 } // namespace

@@ -101,7 +101,7 @@ void peer_sessions::forget(session& ended) {
     release(ended);
     shared_.runtime.on().later([last = std::move(last)] {});
     if (all_.empty())
-        for (auto* told : awaiting_end_) told->resume();
+        for (auto* result : awaiting_end_) result->resume();
 }
 
 // Not by their addresses in memory: a run on the virtual world is the same every time.
@@ -132,16 +132,16 @@ void peer_sessions::finish_all(const failure& why, duration grace) {
 
 task<> peer_sessions::ended(time_point limit) {
     auto& on = shared_.runtime.on();
-    waiter<> told(on, [&told] { told.resume(); });
-    timer late(on, [&told] { told.resume(); });
+    waiter<> result(on, [&result] { result.resume(); });
+    timer late(on, [&result] { result.resume(); });
     struct listed {
         std::vector<waiter<>*>& all;
         waiter<>* who;
         ~listed() { std::erase(all, who); }
-    } among{awaiting_end_, &told};
-    awaiting_end_.push_back(&told);
+    } among{awaiting_end_, &result};
+    awaiting_end_.push_back(&result);
     late.arm(limit);
-    if (!all_.empty()) co_await told.wait();
+    if (!all_.empty()) co_await result.wait();
 }
 
 } // namespace ise

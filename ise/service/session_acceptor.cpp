@@ -204,13 +204,13 @@ result<std::unique_ptr<net::fair_places::place>> session_acceptor::place_for(con
 void session_acceptor::keep_places(const std::shared_ptr<session>& of, const std::string& peer, session_places held) {
     if (!sessions_.all().contains(of.get())) return; // over already
     auto make_way = [this, whose = std::weak_ptr(of), host = net::host_of(peer)](const net::fair_places& all) {
-        auto told = whose.lock();
-        if (!told) return;
-        sessions_.release(*told);
+        auto result = whose.lock();
+        if (!result) return;
+        sessions_.release(*result);
         auto limit = session_limit(all);
         runtime_.tell(peer_trouble::excess,
                       fmt::format("{}, {} has most: the oldest of these make way for other hosts", limit, host), host);
-        told->finish(
+        result->finish(
             failure(errc::overloaded,
                     fmt::format("{}, of which {} has most: its place was needed for another host", limit, host)),
             displaced_grace);

@@ -87,7 +87,7 @@ void use_book::reached(const use_target& way, std::string_view service, const pa
     if (!one) return;
     one->missing = one->failed = false;
     one->cause.clear();
-    if (!std::exchange(one->told, false)) return;
+    if (!std::exchange(one->reported, false)) return;
     awaited_use what;
     what.target = way.name();
     what.service = service;
@@ -156,7 +156,7 @@ std::string use_book::summary() const {
     std::string first;
     std::size_t more = 0;
     for (const auto& [which, one] : all_) {
-        if (!one.told) continue;
+        if (!one.reported) continue;
         awaited_use what;
         what.target = which.first;
         what.service = which.second;
@@ -176,10 +176,10 @@ void use_book::look() {
         awaited_use found;
         if (!look_at(which, one, all, found)) { // nobody wants it any more
             one.missing = one.failed = false;
-            changed = std::exchange(one.told, false) || changed;
+            changed = std::exchange(one.reported, false) || changed;
             continue;
         }
-        if (now - one.since < patience || std::exchange(one.told, true)) continue;
+        if (now - one.since < patience || std::exchange(one.reported, true)) continue;
         changed = true;
         auto since = runtime_.env().wall() - std::chrono::duration_cast<wall_time::duration>(now - one.since);
         runtime_.log().warning(text_of(found.stage),

@@ -106,9 +106,9 @@ private:
     struct entry {
         const packet_types* types = nullptr;
         std::uint64_t touched = 0;
-        bool missing = false; // no session since `since`
-        bool failed = false;  // the last that wanted one ended without
-        bool told = false;    // that it waits
+        bool missing = false;  // no session since `since`
+        bool failed = false;   // the last that wanted one ended without
+        bool reported = false; // that it waits
         time_point since{};
         time_point failed_at{};
         std::string cause;

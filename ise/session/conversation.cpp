@@ -98,15 +98,15 @@ result<void> conversation::takes_answers() const {
                    fmt::format("does not take its answers: {} bytes of them wait (session_bytes)", unsent));
 }
 
-std::optional<failure> objection_to(const wire::introduction& told) {
-    if (told.service.size() > limit::service_name_bytes)
+std::optional<failure> objection_to(const wire::introduction& result) {
+    if (result.service.size() > limit::service_name_bytes)
         return failure(errc::too_large,
                        fmt::format("the name of a service has {} bytes, {} are allowed (service_name_bytes)",
-                                   told.service.size(), limit::service_name_bytes));
-    if (told.fingerprints.size() > limit::service_fingerprints)
+                                   result.service.size(), limit::service_name_bytes));
+    if (result.fingerprints.size() > limit::service_fingerprints)
         return failure(errc::too_large,
                        fmt::format("'{}' was introduced with {} packets, {} are allowed (service_fingerprints)",
-                                   told.service, told.fingerprints.size(), limit::service_fingerprints));
+                                   result.service, result.fingerprints.size(), limit::service_fingerprints));
     return std::nullopt;
 }
 

@@ -68,6 +68,6 @@ private:
 };
 
 /// Why a peer's introduction of a service cannot be taken, by the limit's name; the session ends over it.
-std::optional<failure> objection_to(const wire::introduction& told);
+std::optional<failure> objection_to(const wire::introduction& result);
 
 } // namespace ise

@@ -44,10 +44,10 @@ std::optional<schema> schema_cache::find(std::uint64_t fingerprint) const {
     return std::nullopt;
 }
 
-std::size_t schema_cache::cost_of(const schema& told) const {
-    return own_.contains(told.fingerprint())
+std::size_t schema_cache::cost_of(const schema& result) const {
+    return own_.contains(result.fingerprint())
                ? 0
-               : sizeof(type_description) + told.text().capacity() + memory_of(told.type());
+               : sizeof(type_description) + result.text().capacity() + memory_of(result.type());
 }
 
 result<std::shared_ptr<const packet_types>> schema_cache::keep(const std::shared_ptr<const packet_types>& types) {

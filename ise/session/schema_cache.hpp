@@ -17,7 +17,7 @@ public:
     void learn(const schema& received);
     std::optional<schema> find(std::uint64_t fingerprint) const;
     /// Memory that is taken for whoever told of it; none for one's own.
-    std::size_t cost_of(const schema& told) const;
+    std::size_t cost_of(const schema& outcome) const;
 
     /// Packets of a service that was learnt at run time, kept as long as this book: sessions remember a service by the
     /// address of its types. The same packets are kept once. errc::overloaded beyond a bound.

@@ -16,8 +16,8 @@ void schema_exchange::need(const std::vector<std::uint64_t>& fingerprints, ready
     question asked{fingerprints, {}, std::move(then), std::move(otherwise)};
     wire::schema_request unknown;
     for (auto fingerprint : fingerprints) {
-        asked.told.push_back(book_.find(fingerprint));
-        if (!asked.told.back()) unknown.fingerprints.push_back(fingerprint);
+        asked.schemas.push_back(book_.find(fingerprint));
+        if (!asked.schemas.back()) unknown.fingerprints.push_back(fingerprint);
     }
     if (unknown.fingerprints.empty()) return hand_over(asked);
     if (open_.size() >= limit::schema_questions)
@@ -34,7 +34,7 @@ void schema_exchange::hand_over(question& asked) {
     std::vector<schema> theirs;
     std::size_t more = 0;
     std::unordered_set<std::uint64_t> fresh;
-    for (auto& one : asked.told) {
+    for (auto& one : asked.schemas) {
         if (!handed_over_.contains(one->fingerprint()) && fresh.insert(one->fingerprint()).second)
             more += book_.cost_of(*one);
         theirs.push_back(std::move(*one));
@@ -80,14 +80,14 @@ result<void> schema_exchange::on_request(bytes_view body) {
 }
 
 namespace {
-result<schema> read_schema(const wire::schema_answer& told) {
-    if (told.text.empty())
+result<schema> read_schema(const wire::schema_answer& outcome) {
+    if (outcome.text.empty())
         return failure(errc::type_mismatch,
-                       fmt::format("the peer does not know its own schema {:016x}", told.fingerprint));
-    auto parsed = schema::parse(told.text);
-    if (parsed && parsed->fingerprint() != told.fingerprint)
+                       fmt::format("the peer does not know its own schema {:016x}", outcome.fingerprint));
+    auto parsed = schema::parse(outcome.text);
+    if (parsed && parsed->fingerprint() != outcome.fingerprint)
         return failure(errc::malformed, fmt::format("the peer's schema has fingerprint {:016x}, {:016x} was announced",
-                                                    parsed->fingerprint(), told.fingerprint));
+                                                    parsed->fingerprint(), outcome.fingerprint));
     return parsed;
 }
 } // namespace
@@ -110,13 +110,13 @@ result<void> schema_exchange::on_answer(bytes_view body) {
     std::vector<question> decided;
     std::erase_if(open_, [&](question& asked) {
         bool concerned = false;
-        for (std::size_t at = 0; at < asked.told.size(); ++at) {
+        for (std::size_t at = 0; at < asked.schemas.size(); ++at) {
             if (asked.fingerprints[at] != answer->fingerprint) continue;
             concerned = true;
-            asked.told[at] = known;
+            asked.schemas[at] = known;
         }
         if (!concerned ||
-            (!problem && !std::ranges::all_of(asked.told, [](const auto& one) { return one.has_value(); })))
+            (!problem && !std::ranges::all_of(asked.schemas, [](const auto& one) { return one.has_value(); })))
             return false;
         decided.push_back(std::move(asked));
         return true;

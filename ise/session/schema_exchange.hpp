@@ -27,7 +27,7 @@ public:
 private:
     struct question {
         std::vector<std::uint64_t> fingerprints;
-        std::vector<std::optional<schema>> told; // as many; what the book forgets meanwhile stays here
+        std::vector<std::optional<schema>> schemas; // as many; what the book forgets meanwhile stays here
         ready then;
         failed otherwise;
     };

@@ -131,11 +131,11 @@ void incoming_subscriptions::admit(std::uint64_t id, wire::subscribe terms, cons
 void incoming_subscriptions::end(std::uint64_t id, const failure& why, std::uint64_t lost) {
     forget(id);
     if (!over().open()) return;
-    wire::ended told;
-    told.lost = lost;
-    told.code = static_cast<std::uint8_t>(why.code());
-    told.reason = why.message();
-    over().send(frame_type::ended, 0, id, [&](buffer& body) { encode(told, body); });
+    wire::ended result;
+    result.lost = lost;
+    result.code = static_cast<std::uint8_t>(why.code());
+    result.reason = why.message();
+    over().send(frame_type::ended, 0, id, [&](buffer& body) { encode(result, body); });
 }
 
 result<void> incoming_subscriptions::on_unsubscribe(const net::carried_frame& received) {

@@ -20,18 +20,18 @@ result<access::audit_log> audit_of(environment& env, const std::string& file) {
 
 result<security> security::load(environment& env, security_options given) {
     auto unless_given = [&env](std::string& to, const char* variable) {
-        auto told = env.variable(variable);
-        if (to.empty() && told) to = std::move(*told);
+        auto outcome = env.variable(variable);
+        if (to.empty() && outcome) to = std::move(*outcome);
     };
     unless_given(given.key_file, "ISE_KEY");
     unless_given(given.tls_folder, "ISE_TLS");
     unless_given(given.access_file, "ISE_ACCESS");
     unless_given(given.audit_file, "ISE_AUDIT");
     auto is_set = [&env](const char* variable) -> result<bool> {
-        auto told = env.variable(variable).value_or("");
-        if (!told.empty() && told != "0" && told != "1")
-            return failure(errc::invalid_argument, fmt::format("{} is 0 or 1, not '{}'", variable, told));
-        return told == "1";
+        auto outcome = env.variable(variable).value_or("");
+        if (!outcome.empty() && outcome != "0" && outcome != "1")
+            return failure(errc::invalid_argument, fmt::format("{} is 0 or 1, not '{}'", variable, outcome));
+        return outcome == "1";
     };
     auto demanded = is_set("ISE_DEMAND_CREDENTIALS");
     if (!demanded) return demanded.error();

@@ -74,13 +74,13 @@ void stalled_reader(pair& at) {
     if (!at.has.datagrams) CHECK(busy->lost() == 0);
 }
 
-ise::task<> count_pictures(ise::remote from, std::shared_ptr<std::uint64_t> told) {
+ise::task<> count_pictures(ise::remote from, std::shared_ptr<std::uint64_t> result) {
     ise::subscribe_options deep = ise::subscribe_options::last(1000);
     auto stream = co_await subscribe_to(from, pictures, deep);
     for (;;) {
         auto packet = co_await stream.next();
         if (!packet) co_return;
-        *told += 1 + packet.lost_before().value();
+        *result += 1 + packet.lost_before().value();
     }
 }
 
@@ -89,8 +89,8 @@ void bounded_bytes(pair& at) {
     auto out = at.boat.publish(pictures);
     auto core = at.boat.services->services().find_publication("pictures");
     at.open();
-    auto told = std::make_shared<std::uint64_t>(0);
-    at.shore.scope.spawn("reader", count_pictures(at.there, told));
+    auto result = std::make_shared<std::uint64_t>(0);
+    at.shore.scope.spawn("reader", count_pictures(at.there, result));
     at.run_until([&] { return out.subscribers() == 1; });
     blob picture;
     picture.content.resize(10'000);
@@ -98,7 +98,7 @@ void bounded_bytes(pair& at) {
         out(picture);
         REQUIRE(core->queued() <= 6);
     }
-    at.run_until([&] { return *told == 300; }); // each one came, or is counted
+    at.run_until([&] { return *result == 300; }); // each one came, or is counted
     CHECK(core->losses.too_many_bytes >= 200);
 }
 

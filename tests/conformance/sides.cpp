@@ -6,14 +6,14 @@
 namespace conformance {
 namespace {
 
-std::string_view told() {
+std::string_view dynamic_sides() {
     const char* said = std::getenv("ISE_CONFORMANCE_DYNAMIC");
     return said ? said : "";
 }
 
 } // namespace
 
-bool dynamic_provider() { return told() == "provider" || told() == "both"; }
-bool dynamic_requester() { return told() == "both"; }
+bool dynamic_provider() { return dynamic_sides() == "provider" || dynamic_sides() == "both"; }
+bool dynamic_requester() { return dynamic_sides() == "both"; }
 
 } // namespace conformance

@@ -62,10 +62,10 @@ public:
     }
     template <class Response>
     ise::result<done> outcome(const ise::result<Response>& got) {
-        ise::result<done> told = got ? ise::result<done>(converted<done>(*got)) : ise::result<done>(got.error());
+        ise::result<done> outcome = got ? ise::result<done>(converted<done>(*got)) : ise::result<done>(got.error());
         over_ = true;
-        ledger_.outcome(id_, told);
-        return told;
+        ledger_.outcome(id_, outcome);
+        return outcome;
     }
 
     asio::cancellation_signal cancel;
@@ -94,7 +94,7 @@ void actor::fire(const Contract& service, const ise::remote& to, call_terms term
     auto mine = std::make_shared<open_call>(stage_.calls, std::move(terms));
     what.id = mine->id();
     auto heard = [mine](ise::result<typename Contract::response_type> got) {
-        [[maybe_unused]] auto told = mine->outcome(got);
+        [[maybe_unused]] auto report = mine->outcome(got);
     };
     to.try_call(service, converted<typename Contract::request_type>(what), limit,
                 asio::bind_cancellation_slot(mine->cancel.slot(), std::move(heard)));

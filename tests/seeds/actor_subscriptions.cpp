@@ -94,22 +94,22 @@ void subscription_refused(stage& of, const ise::failure& why, const std::string&
     using ise::errc;
     of.events.note("{} could not subscribe to {}: {} {}", who, to.name, ise::name_of(why.code()), why.message());
     of.events.tally(fmt::format("subscribing that ended as {}", ise::name_of(why.code())));
-    auto told =
+    auto result =
         fmt::format("{} could not subscribe to {}: {}: {}", who, to.name, ise::name_of(why.code()), why.message());
     if (!to.by_name && of.calls.rivalled.contains(to.path)) return; // who holds the name may listen elsewhere
     bool calm =
         of.sky.calm(to.from, to.host, began) && of.sky.calm(to.from, "ns", began) && of.sky.calm(to.host, "ns", began);
     switch (why.code()) {
         case errc::timed_out:
-            if (of.world.now() - began < limit) return of.events.broken("{}, before its deadline", told);
+            if (of.world.now() - began < limit) return of.events.broken("{}, before its deadline", result);
             break;
         case errc::no_such_service: // it is withdrawn now
         case errc::peer_lost:
         case errc::cancelled:
         case errc::overloaded: return;
-        default: return of.events.broken("{}, which cannot be", told);
+        default: return of.events.broken("{}, which cannot be", result);
     }
-    if (calm) of.events.broken("{}, and nothing was disturbed", told);
+    if (calm) of.events.broken("{}, and nothing was disturbed", result);
 }
 
 } // namespace

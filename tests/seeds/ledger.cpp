@@ -123,14 +123,14 @@ void ledger::outcome(std::uint64_t id, const ise::result<done>& got) {
 }
 
 void ledger::check_failure(std::uint64_t id, record& of, const ise::failure& why) {
-    auto told = [&] {
+    auto result = [&] {
         return fmt::format("{} ended as {} ({}): {}", name(id, of), ise::name_of(why.code()),
                            ise::name_of(why.executed()), why.message());
     };
-    if (of.denied && of.runs > 0) journal_.broken("{}; it ran", told());
+    if (of.denied && of.runs > 0) journal_.broken("{}; it ran", result());
     for (const auto* word : protocol_words)
         if (why.message().find(word) != std::string::npos)
-            journal_.broken("{}; that is a breach of the protocol between two of us", told());
+            journal_.broken("{}; that is a breach of the protocol between two of us", result());
     bool calm = undisturbed(of);
     // Who could not ask for the name, or could not register it.
     bool no_names = of.terms.by_name && (!weather_.calm(of.terms.from, "ns", of.began) || !this->calm("ns", of));
@@ -139,23 +139,23 @@ void ledger::check_failure(std::uint64_t id, record& of, const ise::failure& why
         case errc::timed_out: {
             if (world_.now() <
                 of.terms.deadline - (calm && !of.terms.over_session ? uncertainty : uncertainty_in_storms))
-                return journal_.broken("{}, {:.6f} s before its deadline", told(),
+                return journal_.broken("{}, {:.6f} s before its deadline", result(),
                                        std::chrono::duration<double>(of.terms.deadline - world_.now()).count());
             // It may have waited for its name for long.
             auto ready = no_names ? (of.runs > 0 ? of.ran : of.terms.deadline) : of.began;
             bool enough = of.terms.deadline - ready > of.terms.work + on_the_way && of.terms.service != "alone";
-            if (calm && enough && !of.terms.over_session) journal_.broken("{}, and nothing was disturbed", told());
+            if (calm && enough && !of.terms.over_session) journal_.broken("{}, and nothing was disturbed", result());
             return;
         }
         case errc::peer_lost:
-            if (calm && !of.terms.over_session) journal_.broken("{}, and nothing was disturbed", told());
+            if (calm && !of.terms.over_session) journal_.broken("{}, and nothing was disturbed", result());
             return;
         case errc::cancelled:
             if (calm && !of.given_up && !of.terms.over_session && !handler_cancelled(of))
-                journal_.broken("{}, and nobody gave it up", told());
+                journal_.broken("{}, and nobody gave it up", result());
             return;
         case errc::handler_failed:
-            if (!of.terms.fails) journal_.broken("{}, and its handler does not throw", told());
+            if (!of.terms.fails) journal_.broken("{}, and its handler does not throw", result());
             return;
         case errc::overloaded:
             if (calm) journal_.tally("calls refused as overloaded with nothing disturbed");
@@ -166,9 +166,9 @@ void ledger::check_failure(std::uint64_t id, record& of, const ise::failure& why
         case errc::no_such_name:
         case errc::name_server_lost:
         case errc::unreachable:
-            if (calm && !names_away) journal_.broken("{}, and nothing was disturbed", told());
+            if (calm && !names_away) journal_.broken("{}, and nothing was disturbed", result());
             return;
-        default: journal_.broken("{}, which cannot be", told());
+        default: journal_.broken("{}, which cannot be", result());
     }
 }
 

@@ -80,21 +80,21 @@ void work(const pool_options& options, shared_state& all, slot& mine, clock::tim
         if (at >= options.seeds) break;
         auto seed = options.from + at;
         mine.playing = seed + 1;
-        auto told = play(seed, options.run);
-        if (++seeds > 20) left += told.memory_left; // by then what is made once has been made
-        if (told.passed && left > (256 << 10)) {
-            told.passed = false;
-            told.violation = fmt::format("memory grows: {} bytes since the 20th seed of this process", left);
+        auto result = play(seed, options.run);
+        if (++seeds > 20) left += result.memory_left; // by then what is made once has been made
+        if (result.passed && left > (256 << 10)) {
+            result.passed = false;
+            result.violation = fmt::format("memory grows: {} bytes since the 20th seed of this process", left);
         }
-        for (const auto& [what, times] : told.tallies) tallies[what] += times;
-        all.steps += told.steps;
-        all.virtual_ms += static_cast<std::uint64_t>(told.virtual_seconds * 1000);
+        for (const auto& [what, times] : result.tallies) tallies[what] += times;
+        all.steps += result.steps;
+        all.virtual_ms += static_cast<std::uint64_t>(result.virtual_seconds * 1000);
         for (auto most = all.max_memory.load();
-             told.max_memory > most && !all.max_memory.compare_exchange_weak(most, told.max_memory);) {}
-        ++(told.passed ? all.passed : all.failed);
-        if (!told.passed) tell(seed, told.violation, told.newest);
+             result.max_memory > most && !all.max_memory.compare_exchange_weak(most, result.max_memory);) {}
+        ++(result.passed ? all.passed : all.failed);
+        if (!result.passed) tell(seed, result.violation, result.newest);
         ++mine.played;
-        if (options.seeds == 1) fmt::print("seed {}: trace hash {:016x}, {} steps\n", seed, told.hash, told.steps);
+        if (options.seeds == 1) fmt::print("seed {}: trace hash {:016x}, {} steps\n", seed, result.hash, result.steps);
     }
     mine.playing = 0;
     std::fflush(stdout);

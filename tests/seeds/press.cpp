@@ -183,8 +183,8 @@ void reading::finish(const ise::subscription_counts& counts, bool queue_empty) {
                                source.published);
     if (first_ != 0) {
         auto passed = number_ - first_ + 1;
-        auto told = received_ + lost_;
-        if (told > passed || told + (limited() ? counts.skipped : 0) < passed)
+        auto result = received_ + lost_;
+        if (result > passed || result + (limited() ? counts.skipped : 0) < passed)
             journal_.broken("{}: of packets {} to {} of {} came {}, and {} were told lost", who_, first_, number_,
                             provider_, received_, lost_);
     }

@@ -213,7 +213,7 @@ private:
 } // namespace
 
 outcome play(std::uint64_t seed, const run_options& options) {
-    outcome told;
+    outcome result;
     count_memory();
     auto before = memory().now;
     {
@@ -225,28 +225,28 @@ outcome play(std::uint64_t seed, const run_options& options) {
         } catch (const std::exception& thrown) {
             all.events.broken("the world stops: {}", thrown.what());
         }
-        told.passed = !all.events.failed();
-        if (!told.passed) {
-            told.violation = all.events.violation();
-            told.newest = all.events.newest();
+        result.passed = !all.events.failed();
+        if (!result.passed) {
+            result.violation = all.events.violation();
+            result.newest = all.events.newest();
         }
-        told.steps = one.steps();
-        told.hash = all.events.hash();
-        told.virtual_seconds = std::chrono::duration<double>(all.world.elapsed()).count();
-        told.tallies = all.events.tallies();
+        result.steps = one.steps();
+        result.hash = all.events.hash();
+        result.virtual_seconds = std::chrono::duration<double>(all.world.elapsed()).count();
+        result.tallies = all.events.tallies();
     }
-    told.max_memory = memory().most - before;
+    result.max_memory = memory().most - before;
     if (options.planted == bug::memory_left) [[maybe_unused]]
         static auto* kept = new std::string(2 << 20, 'x');
     auto after = memory().now;
-    auto as_large = told.tallies; // what is told is no leak
-    told.memory_left =
+    auto as_large = result.tallies; // what is told is no leak
+    result.memory_left =
         static_cast<std::ptrdiff_t>(after - (memory().now - after)) - static_cast<std::ptrdiff_t>(before);
-    if (told.passed && told.memory_left > max_left) {
-        told.passed = false;
-        told.violation = fmt::format("{} bytes of memory were not given back", told.memory_left);
+    if (result.passed && result.memory_left > max_left) {
+        result.passed = false;
+        result.violation = fmt::format("{} bytes of memory were not given back", result.memory_left);
     }
-    return told;
+    return result;
 }
 
 } // namespace seeds

@@ -68,10 +68,10 @@ public:
         all_.world.run_for(std::chrono::milliseconds(200));
     }
     void introduce(std::uint64_t number, const std::string& service, const std::vector<std::uint64_t>& fingerprints) {
-        ise::wire::introduction told;
-        told.service = service;
-        told.fingerprints = fingerprints;
-        say(ise::wire::frame_type::introduce, number, told);
+        ise::wire::introduction result;
+        result.service = service;
+        result.fingerprints = fingerprints;
+        say(ise::wire::frame_type::introduce, number, result);
     }
     template <class Packet>
     void request(std::uint64_t id, std::uint32_t number, std::chrono::nanoseconds time, const Packet& packet) {
@@ -118,7 +118,9 @@ public:
     /// What the last refusal of that type says, an error's or a farewell's; an empty message where none came.
     ise::failure why(ise::wire::frame_type type) const {
         auto frame = last(type);
-        auto as_failure = [](const auto& told) { return ise::failure(static_cast<ise::errc>(told.code), told.reason); };
+        auto as_failure = [](const auto& result) {
+            return ise::failure(static_cast<ise::errc>(result.code), result.reason);
+        };
         if (!frame) return {ise::errc::not_connected, ""};
         if (type == ise::wire::frame_type::error) return as_failure(ise::decode<ise::wire::call_failure>(frame->body));
         if (type == ise::wire::frame_type::ended) return as_failure(ise::decode<ise::wire::ended>(frame->body));

@@ -119,9 +119,9 @@ private:
 /// 3000 fixes, one every ten minutes, from Gran Canaria to Barbados along the trade wind.
 void cross(atirma::track_state& state, atirma::utc_ms now) {
     constexpr int fixes = 3000;
-    atirma::configuration told;
-    told.telemetry_period_s = {0, 0, 600};
-    state.on_configuration(told);
+    atirma::configuration result;
+    result.telemetry_period_s = {0, 0, 600};
+    state.on_configuration(result);
     for (int i = 0; i < fixes; ++i) {
         auto at = now - 30s - (fixes - 1 - i) * 10min;
         if (i > 1800 && i < 2088) continue; // two days without a report

@@ -245,8 +245,8 @@ private:
         co_await there_.call(helm, other, 1min);
         co_await ask_for("cut");
         co_await there_.call(helm, other, 1min);
-        text told{"ahoy"};
-        co_await there_.call(tell, told, 1min);
+        text output{"ahoy"};
+        co_await there_.call(tell, output, 1min);
         while (outcome == "waits") co_await sleep(5ms);
         say(outcome);
     }

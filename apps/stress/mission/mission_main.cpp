@@ -87,13 +87,13 @@ int main(int argc, char** argv) {
             return 1;
         }
         const auto& proof = sea.proof();
-        const auto told = sea.story();
-        const stress::findings found(told);
-        stress::write_file(folder / "report.md", stress::make_report(told, found, proof));
-        stress::write_file(folder / "track.svg", stress::make_picture(told, found));
+        const auto result = sea.story();
+        const stress::findings found(result);
+        stress::write_file(folder / "report.md", stress::make_report(result, found, proof));
+        stress::write_file(folder / "track.svg", stress::make_picture(result, found));
         stress::write_file(folder / "track.gpx", stress::make_gpx(found));
-        bool good = stress::holds(told, proof);
-        fmt::print("over {} on the real clock: {}; {}\n", stress::length_text(told.plan.length),
+        bool good = stress::holds(result, proof);
+        fmt::print("over {} on the real clock: {}; {}\n", stress::length_text(result.plan.length),
                    good ? "the proof holds" : "THE PROOF DOES NOT HOLD", (folder / "report.md").string());
         return good ? 0 : 1;
     } catch (const CLI::Error& why) {

@@ -71,12 +71,12 @@ ise::task<> mission::script::learn() {
     ise::http_exchange ask;
     ask.url = "http://" + of_.options_.page + "/api/status";
     auto answer = co_await client.exchange(ask, 20s);
-    auto told = nlohmann::json::parse(answer ? answer->body : std::string(), nullptr, false);
-    if (told.is_discarded() || !told.contains("packets")) {
+    auto parsed = nlohmann::json::parse(answer ? answer->body : std::string(), nullptr, false);
+    if (parsed.is_discarded() || !parsed.contains("packets")) {
         of_.trouble_ = "the page does not report what it has shown";
         co_return;
     }
-    const auto& packets = told["packets"];
+    const auto& packets = parsed["packets"];
     of_.told_.page.received = packets.value("received", std::uint64_t{0});
     of_.told_.page.duplicates = packets.value("duplicates", std::uint64_t{0});
     of_.told_.page.malformed = packets.value("malformed", std::uint64_t{0});
@@ -98,10 +98,10 @@ std::vector<mission::script::event> mission::script::timetable() {
 
 void mission::script::begin(const fault& what) {
     auto at = of_.elapsed();
-    auto& told = of_.told_;
-    open_[what.what] = told.episodes.size();
-    told.episodes.push_back({at, what.length.count() > 0 ? ise::duration(-1ns) : at, std::string(describe(what.what)),
-                             felt_over(what.what), what.what == trouble::boat_killed});
+    auto& result = of_.told_;
+    open_[what.what] = result.episodes.size();
+    result.episodes.push_back({at, what.length.count() > 0 ? ise::duration(-1ns) : at, std::string(describe(what.what)),
+                               felt_over(what.what), what.what == trouble::boat_killed});
     auto doing = deed_of(what.what);
     if (what.what == trouble::operator_away) of_.ask(task::leave);
     else if (!doing.process.empty()) of_.options_.say("kill " + doing.process);

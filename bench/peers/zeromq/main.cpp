@@ -67,9 +67,9 @@ void serve_publication(const options& asked) {
     std::string packet(asked.size_bytes, 'x');
     std::size_t subscribers = 0;
     const auto hear = [&](int flags) {
-        char told[8] = {};
-        if (zmq_recv(socket, told, sizeof told, flags) < 0) return false;
-        subscribers = told[0] == 1 ? subscribers + 1 : subscribers - 1;
+        char change[8] = {};
+        if (zmq_recv(socket, change, sizeof change, flags) < 0) return false;
+        subscribers = change[0] == 1 ? subscribers + 1 : subscribers - 1;
         return true;
     };
     for (;;) {

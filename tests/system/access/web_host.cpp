@@ -264,8 +264,8 @@ TEST_CASE("access: the page of a healthy A-Tirma gets what it shows and is refus
         INFO(ran.err);
         REQUIRE(ran.exit_code == 0);
         used.clear();
-        auto told = json::parse(ran.out);
-        for (const auto& one : told["connections"])
+        auto parsed = json::parse(ran.out);
+        for (const auto& one : parsed["connections"])
             if (one["a"] == "atirma/page" || one["b"] == "atirma/page") used += one["services"].dump();
     } while (used.find("communication_state") == used.npos);
     CHECK_THAT(used, Contains("telemetry"));
@@ -290,12 +290,12 @@ TEST_CASE("access: doctor and list say whose policy cannot be used, why, and whi
     CHECK(hash.size() == 16);
 
     there.write_policy("garbage [[");
-    json told; // all read the file again within 5 s; the limit of the test ends this
+    json output; // all read the file again within 5 s; the limit of the test ends this
     do {
         auto ran = there.ise("ana", {"doctor", "--interval", "10ms", "--json"});
-        told = json::parse(ran.out);
-    } while (told["findings"].empty() || told["findings"][0]["kind"] != "policy_unusable");
-    const auto& finding = told["findings"][0];
+        output = json::parse(ran.out);
+    } while (output["findings"].empty() || output["findings"][0]["kind"] != "policy_unusable");
+    const auto& finding = output["findings"][0];
     CHECK(finding["component"] == "ise/name_server");
     CHECK_THAT(finding["message"].get<std::string>(),
                Contains("the access policy cannot be used") && Contains(hash) && Contains("access.toml:1:"));

@@ -52,8 +52,8 @@ void gprs_sea::carrier_does(const atirma::carrier_request& request) {
     bool done = false;
     user([request, &done](ise::component& self) -> ise::task<> {
         auto it = carrier(self);
-        auto told = co_await it.try_call(atirma::services::carrier_control, request, 5s);
-        told.value();
+        auto response = co_await it.try_call(atirma::services::carrier_control, request, 5s);
+        response.value();
         done = true;
     });
     REQUIRE(until([&] { return done; }));
@@ -65,8 +65,8 @@ void gprs_sea::radio(bool up) {
         atirma::xbee_air_request request;
         request.up = up;
         auto it = air(self);
-        auto told = co_await it.try_call(atirma::services::air_control, request, 5s);
-        told.value();
+        auto response = co_await it.try_call(atirma::services::air_control, request, 5s);
+        response.value();
         done = true;
     });
     REQUIRE(until([&] { return done; }));
@@ -92,8 +92,8 @@ atirma::web_server& gprs_sea::start_page_of_both() {
 }
 
 bool gprs_sea::whole() const {
-    const auto& told = link_.truth;
+    const auto& result = link_.truth;
     // Each has a number of its own on this link: as many as were acknowledged must be here.
-    return told && told->gprs_waiting == 0 && told->gprs_dropped == 0 &&
-           link_.telemetry.size() >= told->gprs_acknowledged;
+    return result && result->gprs_waiting == 0 && result->gprs_dropped == 0 &&
+           link_.telemetry.size() >= result->gprs_acknowledged;
 }

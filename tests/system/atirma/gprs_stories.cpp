@@ -54,9 +54,9 @@ TEST_CASE("atirma gprs: telemetry comes by both links, each packet says by which
         for (const auto& packet : seen.telemetry) types.insert(std::string(name_of(parse_telemetry(packet.raw)->body)));
         for (const auto* type : {"location", "navigation", "wind"}) CHECK(types.contains(type));
         auto now = std::chrono::floor<std::chrono::milliseconds>(it.world.wall_start + it.world.elapsed());
-        auto told = page.state().snapshot(now, {}).data;
-        CHECK(told.find("\"xbee\"") != std::string::npos);
-        CHECK(told.find("\"gprs\"") != std::string::npos);
+        auto result = page.state().snapshot(now, {}).data;
+        CHECK(result.find("\"xbee\"") != std::string::npos);
+        CHECK(result.find("\"gprs\"") != std::string::npos);
     }
 }
 
@@ -235,12 +235,13 @@ TEST_CASE("atirma gprs: a carrier refuses what makes no sense, and changes nothi
         bad[2].outage_s = 1e9;
         for (auto& request : bad) {
             request.up = false;
-            auto told = co_await between.try_call(services::carrier_control, request, 5s);
-            if (!told && told.error().code() == ise::errc::refused) refusals.push_back(told.error().message());
+            auto response = co_await between.try_call(services::carrier_control, request, 5s);
+            if (!response && response.error().code() == ise::errc::refused)
+                refusals.push_back(response.error().message());
         }
         carrier_request nothing;
-        auto told = co_await between.try_call(services::carrier_control, nothing, 5s);
-        after = told.value();
+        auto response = co_await between.try_call(services::carrier_control, nothing, 5s);
+        after = response.value();
     });
     REQUIRE(it.until([&] { return after.has_value(); }));
     CHECK(refusals.size() == 3);

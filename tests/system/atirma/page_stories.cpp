@@ -12,12 +12,12 @@ TEST_CASE("atirma: the page shows the boat where it is, its course and its mode"
     auto truth = it.boat().location_now();
     CHECK(shown.latitude_deg == Approx(truth.latitude_deg).margin(2e-4));
     CHECK(shown.longitude_deg == Approx(truth.longitude_deg).margin(2e-4));
-    auto told =
+    auto result =
         page.state()
             .snapshot(std::chrono::floor<std::chrono::milliseconds>(it.world.wall_start + it.world.elapsed()), {})
             .data;
-    CHECK(told.find("automatic") != std::string::npos);
-    CHECK(told.find("\"xbee\"") != std::string::npos);
+    CHECK(result.find("automatic") != std::string::npos);
+    CHECK(result.find("\"xbee\"") != std::string::npos);
     CHECK(page.statistics().by_type.contains("waypoints"));
     CHECK(page.events_published() > 0);
 }
@@ -53,16 +53,16 @@ TEST_CASE("atirma: ten times the speed sails ten times as far, and telemetry is 
 
 TEST_CASE("atirma: the wind can be changed while the boat sails") {
     sea it;
-    std::optional<atirma::scene> told;
-    it.user([&told](ise::component& self) -> ise::task<> {
+    std::optional<atirma::scene> result;
+    it.user([&result](ise::component& self) -> ise::task<> {
         atirma::scene_request request;
         request.wind_speed_mps = 11;
         request.wind_from_deg = 200;
         auto boat = sea::boat_of(self);
-        told = co_await boat.call(atirma::services::scene_control, request, 5s);
+        result = co_await boat.call(atirma::services::scene_control, request, 5s);
     });
-    REQUIRE(it.until([&] { return told.has_value(); }));
-    CHECK_FALSE(told->original_wind);
+    REQUIRE(it.until([&] { return result.has_value(); }));
+    CHECK_FALSE(result->original_wind);
     it.world.run_for(2s);
     CHECK(it.boat().wind_now().true_speed_mps == Approx(11));
     CHECK(it.boat().wind_now().true_direction_deg == Approx(200));

@@ -23,8 +23,8 @@ void set_air(sea& it, xbee_air_request request) {
     bool done = false;
     it.user([request, &done](ise::component& self) -> ise::task<> {
         auto air = sea::air(self);
-        auto told = co_await air.try_call(services::air_control, request, 5s);
-        told.value();
+        auto response = co_await air.try_call(services::air_control, request, 5s);
+        response.value();
         done = true;
     });
     REQUIRE(it.until([&] { return done; }));
@@ -161,7 +161,7 @@ TEST_CASE("atirma: who follows one telecommand is told of no other, and hears fi
     command(it, set_mode(22, sailing_mode::manual), 2s, b);
     REQUIRE(it.until([&] { return a && b; }));
     std::optional<followed_telecommands> first;
-    std::vector<telecommand_status> told;
+    std::vector<telecommand_status> result;
     it.user([&](ise::component& self) -> ise::task<> {
         follow_telecommand which{22};
         auto proxy = sea::proxy(self);
@@ -171,15 +171,15 @@ TEST_CASE("atirma: who follows one telecommand is told of no other, and hears fi
         for (;;) {
             auto state = co_await states.next();
             if (!state) break;
-            told.push_back(*state);
+            result.push_back(*state);
         }
     });
     REQUIRE(it.until([&] { return first.has_value(); }));
     REQUIRE(first->now.size() == 1);
     CHECK(first->now.front().id == 22);
     switch_link(it, true);
-    REQUIRE(it.until([&] { return !told.empty() && told.back().state == telecommand_stage::acknowledged; }, 5min));
-    for (const auto& state : told) CHECK(state.id == 22);
+    REQUIRE(it.until([&] { return !result.empty() && result.back().state == telecommand_stage::acknowledged; }, 5min));
+    for (const auto& state : result) CHECK(state.id == 22);
 }
 
 TEST_CASE("atirma: a proxy that is killed and started again heals: its subscribers receive on, and know of the gap") {
@@ -323,7 +323,7 @@ TEST_CASE("atirma: the boat tells how strongly it hears the shore, once it has h
     sea it;
     auto& seen = it.watch();
     std::size_t looked_at = 0;
-    auto told = [&]() -> std::optional<link_status> { // the next one of its radio
+    auto parsed = [&]() -> std::optional<link_status> { // the next one of its radio
         while (looked_at < seen.telemetry.size()) {
             auto message = parse_telemetry(seen.telemetry[looked_at++].raw);
             const auto* link = message ? std::get_if<link_status>(&message->body) : nullptr;
@@ -332,12 +332,12 @@ TEST_CASE("atirma: the boat tells how strongly it hears the shore, once it has h
         return std::nullopt;
     };
     std::optional<link_status> last;
-    REQUIRE(it.until([&] { return (last = told()).has_value(); }));
+    REQUIRE(it.until([&] { return (last = parsed()).has_value(); }));
     CHECK(last->rssi_dbm == 0);
     asked answer;
     command(it, set_mode(9, sailing_mode::hold), 30s, answer);
     REQUIRE(it.until([&] { return answer.has_value(); }));
-    REQUIRE(it.until([&] { return (last = told()) && last->rssi_dbm != 0; }));
+    REQUIRE(it.until([&] { return (last = parsed()) && last->rssi_dbm != 0; }));
     CHECK(last->rssi_dbm == Approx(seen.local->rssi_dbm.value()).margin(30)); // as far there as back
     CHECK(last->rssi_dbm < -20);
 }

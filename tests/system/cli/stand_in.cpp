@@ -120,8 +120,8 @@ TEST_CASE("mock stands in for a component, whose types it knows from another one
     }
     SECTION("from a file that was kept, without a name server") {
         folder files;
-        auto told = in.ise({"type", "show", "atirma/boat", "helm", "--json"});
-        auto types = files.write("boat.types", told.out);
+        auto result = in.ise({"type", "show", "atirma/boat", "helm", "--json"});
+        auto types = files.write("boat.types", result.out);
         program mock({"ise", "mock", "atirma/boat", "helm", R"({"reason":"alone"})", "--types", types, "--listen",
                       "tcp://127.0.0.1:0"});
         auto line = mock.read_error_line();

@@ -77,8 +77,8 @@ TEST_CASE("a provider's refusal and failure end with 1 and its text, fit for a t
     auto failed = run_program({"ise", "call", in.at, "helm", R"({"mode":"break"})"});
     CHECK(failed.exit_code == 1);
     CHECK_THAT(failed.err, Contains("the rudder") && Contains("it may have run") && !Contains("\x1b"));
-    auto told = run_program({"ise", "call", "--json", in.at, "helm", R"({"mode":"sink"})"});
-    CHECK_THAT(told.err, Contains(R"("error":"refused","exit_code":1)") && Contains(R"("executed":")"));
+    auto result = run_program({"ise", "call", "--json", in.at, "helm", R"({"mode":"sink"})"});
+    CHECK_THAT(result.err, Contains(R"("error":"refused","exit_code":1)") && Contains(R"("executed":")"));
 }
 
 TEST_CASE("a call that is not answered ends at its timeout with 3") {
@@ -158,10 +158,10 @@ TEST_CASE("echo shows the answer to its subscription on standard error, once, an
     CHECK_THAT(ran.err, Contains(R"("from":7})") && !Contains("\xc2\x9b"));
     CHECK(std::ranges::count(ran.err, '\n') == 1);
     SECTION("for programs as JSON") {
-        auto told = run_program({"ise", "--json", "echo", in.at, "watched", "-n", "1"});
-        CHECK(told.out.starts_with(R"({"number":)"));
-        CHECK(told.err.starts_with(R"({"response":{"officer":"Ana)"));
-        CHECK(told.err.ends_with("\"from\":100}}\n"));
+        auto result = run_program({"ise", "--json", "echo", in.at, "watched", "-n", "1"});
+        CHECK(result.out.starts_with(R"({"number":)"));
+        CHECK(result.err.starts_with(R"({"response":{"officer":"Ana)"));
+        CHECK(result.err.ends_with("\"from\":100}}\n"));
     }
     SECTION("an answer without fields is none") {
         CHECK(run_program({"ise", "echo", in.at, "position", "-n", "1"}).err.empty());

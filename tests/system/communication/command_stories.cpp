@@ -58,12 +58,12 @@ TEST_CASE(
     CHECK(it.waypoints() == 1);
     CHECK(it.boat.epochs.back() == 2);
     REQUIRE(it.until([&] { return !it.told_of(5).empty() && is_final(it.told_of(5).back().state); }, 5s));
-    auto told = it.told_of(5);
-    CHECK(told.front().state == telecommand_stage::queued);
-    CHECK(told.back().asked_by == "test/ana");
-    CHECK(told.back().link == link_id::xbee);
-    CHECK(told.back().authority == 2);
-    CHECK(told.back().command == adds_waypoint(5).command);
+    auto outcome = it.told_of(5);
+    CHECK(outcome.front().state == telecommand_stage::queued);
+    CHECK(outcome.back().asked_by == "test/ana");
+    CHECK(outcome.back().link == link_id::xbee);
+    CHECK(outcome.back().authority == 2);
+    CHECK(outcome.back().command == adds_waypoint(5).command);
     // The same again is the same; another under its number is not.
     CHECK(it.command("ana", adds_waypoint(5))->state == telecommand_stage::acknowledged);
     auto other = it.command("ana", adds_waypoint(5, 28.17));
@@ -179,9 +179,9 @@ TEST_CASE("communication: where the nodes are cut off from each other the boat o
     CHECK(stale->result == ack_code::no_authority);
     CHECK(stale->boat_obeys == 3u);
     CHECK(it.waypoints() == 0);
-    auto told = it.command("ana", adds_waypoint(6), 20s, one);
-    REQUIRE_FALSE(told);
-    CHECK_THAT(told.error().message(), Contains("the boat obeys epoch 3") && Contains("take it again"));
+    auto outcome = it.command("ana", adds_waypoint(6), 20s, one);
+    REQUIRE_FALSE(outcome);
+    CHECK_THAT(outcome.error().message(), Contains("the boat obeys epoch 3") && Contains("take it again"));
     CHECK(it.command("bea", adds_waypoint(7), 20s, two)->result == ack_code::done);
     it.world.net().heal("one", "two");
     REQUIRE(it.until([&] { return it.state(one).authority.holder == "test/bea"; }, 30s));

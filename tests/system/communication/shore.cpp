@@ -36,13 +36,13 @@ telemetry_packet boat_at_sea::make(link_id over_link, utc_time at) {
 }
 
 acknowledgement boat_at_sea::execute(ise::bytes_view raw, link_id from) {
-    auto told = parse_telecommand(raw).value();
+    auto parsed = parse_telecommand(raw).value();
     ++over(from).commands;
     auto before = boat.pilot().revision();
-    auto ack = boat.execute(told, from);
+    auto ack = boat.execute(parsed, from);
     if (boat.pilot().revision() != before) {
-        ++executed[told.id];
-        epochs.push_back(told.authority);
+        ++executed[parsed.id];
+        epochs.push_back(parsed.authority);
     }
     return ack;
 }

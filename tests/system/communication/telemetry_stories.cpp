@@ -53,16 +53,16 @@ struct usual : shore {
 TEST_CASE("communication: a node declares what it needs of the proxies and of the other node, and uses it") {
     usual it;
     it.settle();
-    auto told = it.ask("operator", ise::describe_service, ise::describe_request(), 20s, one);
-    REQUIRE(told);
+    auto info = it.ask("operator", ise::describe_service, ise::describe_request(), 20s, one);
+    REQUIRE(info);
     std::set<std::string> needed;
-    for (const auto& service : told->services)
+    for (const auto& service : info->services)
         if (!service.provided && service.declared) needed.insert(service.name);
     CHECK(needed ==
           std::set<std::string>{"replication", "telecommand", "telecommand_recall", "telecommand_state", "telemetry"});
-    CHECK(told->waits.empty());
+    CHECK(info->waits.empty());
     std::set<std::string> of_the_other, of_a_proxy;
-    for (const auto& session : told->sessions) {
+    for (const auto& session : info->sessions) {
         auto& used = session.peer.starts_with(two + " ") ? of_the_other : of_a_proxy;
         used.insert(session.uses.begin(), session.uses.end());
     }

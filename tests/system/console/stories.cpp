@@ -99,9 +99,9 @@ TEST_CASE("console: a port without a component takes no actions, and its last sn
     CHECK(port->latest()->number == 0);
     desk console(world, "desk", options);
     REQUIRE(world.run_until([&] { return port->latest()->number > 0; }));
-    int told = 0;
-    port->on_snapshot([&told] { ++told; });
-    REQUIRE(world.run_until([&] { return told >= 3; }, 1min));
+    int count = 0;
+    port->on_snapshot([&count] { ++count; });
+    REQUIRE(world.run_until([&] { return count >= 3; }, 1min));
     port->on_snapshot({});
     for (std::size_t i = 0; i < operator_port::max_actions; ++i) REQUIRE(port->act(acknowledge_alarm{}));
     CHECK_FALSE(port->act(acknowledge_alarm{})); // nobody has taken them yet

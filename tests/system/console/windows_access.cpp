@@ -107,11 +107,11 @@ TEST_CASE("console windows: Tab goes from the links to the power of their modem,
 
 TEST_CASE("console windows: every key of the menus is told by Shift+F1") {
     desk it;
-    QString told;
+    QString message;
     QTimer::singleShot(0, it.window.get(), [&] {
         auto* box = qobject_cast<QMessageBox*>(QApplication::activeModalWidget());
         REQUIRE(box);
-        told = box->text();
+        message = box->text();
         if (const char* to = std::getenv("CONSOLE_PICTURES")) box->grab().save(QString(to) + "/keys.png");
         box->reject();
     });
@@ -122,7 +122,7 @@ TEST_CASE("console windows: every key of the menus is told by Shift+F1") {
         if (each->shortcut().isEmpty()) continue;
         ++keys;
         INFO(each->text().toStdString());
-        CHECK(told.contains("<b>" + each->shortcut().toString(QKeySequence::NativeText).toHtmlEscaped() + "</b>"));
+        CHECK(message.contains("<b>" + each->shortcut().toString(QKeySequence::NativeText).toHtmlEscaped() + "</b>"));
     }
     CHECK(keys > 30);
 }

@@ -48,11 +48,11 @@ struct harbour : two_hosts {
     /// Waits until telemetry that is new comes over the radio.
     void hears_the_boat() {
         auto heard =
-            told({"--wait", "--timeout", "240s", "echo", "atirma/shore/xbee", "telemetry", "--no-last", "-n", "1"});
+            json_of({"--wait", "--timeout", "240s", "echo", "atirma/shore/xbee", "telemetry", "--no-last", "-n", "1"});
         CHECK(heard.is_object());
     }
     json truth() {
-        return told({"--wait", "--timeout", "120s", "echo", "atirma/boat", "ground_truth", "--no-last", "-n", "1"});
+        return json_of({"--wait", "--timeout", "120s", "echo", "atirma/boat", "ground_truth", "--no-last", "-n", "1"});
     }
 };
 
@@ -81,8 +81,8 @@ TEST_CASE("the demo comes up on two hosts, is changed while it sails, and goes d
                                       "wind-speed: 6 -> 11\n    wind-from: 45 -> 90\n");
     in.up(windy);
     CHECK(in.pid("atirma/boat") == before);
-    CHECK(in.told({"param", "get", "atirma/air", "loss"})["values"][0] == "0.1");
-    CHECK(in.told({"call", "atirma/air", "air_control", "{}"})["extra_loss"] == 0.1);
+    CHECK(in.json_of({"param", "get", "atirma/air", "loss"})["values"][0] == "0.1");
+    CHECK(in.json_of({"call", "atirma/air", "air_control", "{}"})["extra_loss"] == 0.1);
     wait_until([&] { return in.truth()["wind_speed_mps"] > 9; }); // gusts come and go
 
     ise_test::program listener({"ise", "--name-server", in.name_server(), "--timeout", "120s", "echo", "atirma/boat",
@@ -102,7 +102,7 @@ TEST_CASE("the demo comes up on two hosts, is changed while it sails, and goes d
     in.done({"down", moved});
     CHECK(marked().empty());
     CHECK(host_test::zombies() == 0);
-    CHECK(in.told({"ps"}).empty());
+    CHECK(in.json_of({"ps"}).empty());
     CHECK(in.left_behind().empty());
 }
 
@@ -135,7 +135,7 @@ TEST_CASE("kill -9 of any process of the demo heals as its policy says") {
     in.start_name_server();
     in.done({"--wait", "--timeout", "60s", "describe", "--names", "atirma/page"});
     in.hears_the_boat();
-    wait_until([&] { return in.ise({"ps"}).exit_code == 0 && in.told({"ps"}).size() == 11; });
+    wait_until([&] { return in.ise({"ps"}).exit_code == 0 && in.json_of({"ps"}).size() == 11; });
     CHECK_THAT(in.up(file), Contains("nothing to do"));
     CHECK(in.pid("atirma/boat") == boat);
 

@@ -38,7 +38,7 @@ struct held_up {
     void goes_down_and_comes_up() {
         in.done({"down", file});
         CHECK(marked().empty());
-        CHECK(in.told({"ps"}).empty());
+        CHECK(in.json_of({"ps"}).empty());
         let_go();
         CHECK_THAT(in.up(file), Contains("sea is up: 2 components, 2 steps"));
         in.done({"down", file});

@@ -25,11 +25,11 @@ TEST_CASE("parameters are listed, read and set") {
     CHECK(in.done({"param", "get", "sea/one", "answer"}) == "7\n");
     CHECK(in.done({"param", "get", "sea/one", "say"}) == "hello\n");
     CHECK(in.done({"param", "set", "sea/one", "answer", "2.5"}) == "2.5\n");
-    CHECK(in.told({"call", "sea/one", "ask"})["answer"] == 2.5);
-    auto told = in.told({"param", "get", "sea/one", "answer"});
-    CHECK(told["values"] == json::array({"2.5"}));
-    CHECK(told["changeable"] == true);
-    CHECK(in.told({"param", "list", "sea/one"}).size() == 13);
+    CHECK(in.json_of({"call", "sea/one", "ask"})["answer"] == 2.5);
+    auto result = in.json_of({"param", "get", "sea/one", "answer"});
+    CHECK(result["values"] == json::array({"2.5"}));
+    CHECK(result["changeable"] == true);
+    CHECK(in.json_of({"param", "list", "sea/one"}).size() == 13);
     CHECK(in.state("sea/one")["arguments"][1]["value"] == "2.5"); // and so in the next life
 }
 
@@ -56,7 +56,7 @@ TEST_CASE("what cannot be set is refused, with what is allowed") {
     CHECK_THAT(refusal({"set", "sea/one", "answer"}, 2), Contains("ise param set takes a VALUE"));
     CHECK_THAT(refusal({"list", "sea/one", "answer"}, 2), Contains("ise param list takes no PARAMETER"));
     CHECK_THAT(refusal({"list", "ise/host/boat"}, 3), Contains("'ise/host/boat' tells of no parameters"));
-    CHECK(in.told({"call", "sea/one", "ask"})["answer"] == 7);
+    CHECK(in.json_of({"call", "sea/one", "ask"})["answer"] == 7);
 }
 
 TEST_CASE("a component that nobody has started is asked itself, and takes parameters from its environment") {
@@ -71,7 +71,7 @@ TEST_CASE("a component that nobody has started is asked itself, and takes parame
     CHECK(in.done({"param", "get", "sea/alone", "answer"}) == "5\n");
     CHECK(in.done({"param", "get", "sea/alone", "say"}) == "the command line stands above\n");
     CHECK(in.done({"param", "set", "sea/alone", "answer", "6"}) == "6\n");
-    CHECK(in.told({"call", "sea/alone", "ask"})["answer"] == 6);
+    CHECK(in.json_of({"call", "sea/alone", "ask"})["answer"] == 6);
     auto vetoed = in.ise({"param", "set", "sea/alone", "answer", "9"});
     CHECK(vetoed.exit_code == 1);
     CHECK_THAT(vetoed.err, Contains("nine is no answer"));

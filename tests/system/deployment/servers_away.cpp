@@ -18,7 +18,7 @@ constexpr const char* both = "name = 'sea'\n[hosts.boat]\n[hosts.shore]\n"
 // It was killed: the name server knows it until its lease has ended.
 void forget_host(two_hosts& in, const std::string& host) {
     wait_until([&] {
-        for (const auto& one : in.told({"list"}))
+        for (const auto& one : in.json_of({"list"}))
             if (one["path"] == "ise/host/" + host) return false;
         return true;
     });
@@ -35,7 +35,7 @@ TEST_CASE("what is asked right after the name server was started again is told o
     CHECK_THAT(in.done({"diff", file}), Contains("sea is as"));
     in.crash_name_server();
     in.start_name_server();
-    CHECK(in.told({"ps"}).size() == 2);
+    CHECK(in.json_of({"ps"}).size() == 2);
     in.crash_name_server();
     in.start_name_server();
     CHECK_THAT(in.done({"down", file}), Contains("sea is down: 2 components, 2 steps"));

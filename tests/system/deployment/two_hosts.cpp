@@ -108,7 +108,7 @@ std::string two_hosts::done(std::vector<std::string> words) {
     return ran.out;
 }
 
-json two_hosts::told(std::vector<std::string> words) {
+json two_hosts::json_of(std::vector<std::string> words) {
     words.push_back("--json");
     return json::parse(done(std::move(words)));
 }
@@ -127,7 +127,7 @@ std::string two_hosts::file(const std::string& name, const std::string& text) {
 
 json two_hosts::state(const std::string& path) {
     json found;
-    for (auto& one : told({"ps", path}))
+    for (auto& one : result({"ps", path}))
         if (one["path"] == path && (found.is_null() || one["process_id"] != 0)) found = one;
     return found;
 }

@@ -39,7 +39,7 @@ public:
     /// What a command that must succeed prints.
     std::string done(std::vector<std::string> words);
     /// What it tells with --json.
-    json told(std::vector<std::string> words);
+    json json_of(std::vector<std::string> words);
     /// `done` of a command about a deployment file.
     std::string up(const std::string& file, std::vector<std::string> more = {});
 

@@ -44,7 +44,8 @@ TEST_CASE(
     two_hosts in(&*wire);
     in.install("atirma");
     auto hears_the_boat = [&] {
-        CHECK(in.told({"--wait", "--timeout", "240s", "echo", "atirma/shore/xbee", "telemetry", "--no-last", "-n", "1"})
+        CHECK(in.json_of(
+                    {"--wait", "--timeout", "240s", "echo", "atirma/shore/xbee", "telemetry", "--no-last", "-n", "1"})
                   .is_object());
     };
     in.up(in.file("demo.toml", apart(in, "boat")), parts);
@@ -70,6 +71,6 @@ TEST_CASE(
 
     in.done({"down", moved});
     CHECK(marked().empty());
-    CHECK(in.told({"ps"}).empty());
+    CHECK(in.json_of({"ps"}).empty());
     CHECK(in.left_behind().empty());
 }

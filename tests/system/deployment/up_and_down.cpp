@@ -49,7 +49,7 @@ TEST_CASE("a deployment comes up in order, is up the second time, and goes down 
     INFO(text);
     CHECK(text.find("[1/2] start sea/two on shore") < text.find("[2/2] start sea/one on boat"));
     CHECK_THAT(text, Contains("ready after") && Contains("sea is up: 2 components, 2 steps"));
-    CHECK(in.told({"call", "sea/best", "ask"})["answer"] == 3);
+    CHECK(in.json_of({"call", "sea/best", "ask"})["answer"] == 3);
     CHECK(in.state("sea/one")["host"] == "boat");
     int pid = in.state("sea/two")["process_id"];
     CHECK_THAT(in.up(file), Contains("sea is up: 2 components, nothing to do"));
@@ -59,7 +59,7 @@ TEST_CASE("a deployment comes up in order, is up the second time, and goes down 
     INFO(down);
     CHECK(down.find("stop sea/one") < down.find("stop sea/two"));
     CHECK(marked().empty());
-    CHECK(in.told({"ps"}).empty());
+    CHECK(in.json_of({"ps"}).empty());
     CHECK(in.left_behind().empty());
     CHECK_THAT(in.done({"down", file}), Contains("sea is down"));
 }
@@ -85,7 +85,7 @@ TEST_CASE("components that do not wait for each other are started together, and 
     CHECK(down.find("stop sea/last on boat: ") < down.find("stop sea/one on boat\n"));
     CHECK(down.find("stop sea/last on boat: ") < down.find("stop sea/two on shore\n"));
     CHECK(marked().empty());
-    CHECK(in.told({"ps"}).empty());
+    CHECK(in.json_of({"ps"}).empty());
 }
 
 TEST_CASE("some components of a deployment come up with those they come after, and go down alone") {
@@ -96,14 +96,14 @@ TEST_CASE("some components of a deployment come up with those they come after, a
                Contains("[1/2] start sea/one on boat") && Contains("sea is up: 2 components, 2 steps"));
     CHECK(in.is_ready("sea/one"));
     CHECK(in.is_ready("sea/two"));
-    CHECK(in.told({"ps"}).size() == 2);
+    CHECK(in.json_of({"ps"}).size() == 2);
     CHECK_THAT(in.done({"diff", file}), Contains("start sea/three on boat"));
     auto unknown = in.ise({"up", file, "tow"});
     CHECK(unknown.exit_code == 2);
     CHECK_THAT(unknown.err, Contains("there is no component 'tow' in it; did you mean 'two'?"));
     CHECK(in.ise({"down", file, "tow"}).exit_code == 2);
     in.done({"down", file, "sea/two"});
-    CHECK(in.told({"ps"}).size() == 1);
+    CHECK(in.json_of({"ps"}).size() == 1);
     CHECK(in.is_ready("sea/one"));
     in.done({"down", file});
     CHECK(marked().empty());
@@ -129,7 +129,7 @@ TEST_CASE("an up that is interrupted undoes what it did, unless it is to be kept
         } else {
             CHECK_THAT(ran.err, Contains("what was done before was undone"));
             CHECK(marked().empty());
-            CHECK(in.told({"ps"}).empty());
+            CHECK(in.json_of({"ps"}).empty());
         }
     }
     in.done({"down", file});
@@ -227,7 +227,7 @@ TEST_CASE("what is against a deployment is told before anything is started") {
             CHECK(ran.out.empty());
             CHECK_THAT(ran.err, Contains("sea.toml:8:13: ") && Contains(why));
         }
-        CHECK(in.told({"ps", "sea"}).empty());
+        CHECK(in.json_of({"ps", "sea"}).empty());
     };
     refused("listen = 'tcp://0.0.0.0:7411'\n", "--allow-address");
     refused("parameters = { outlet = 'tcp://0.0.0.0:7411' }\n", "--allow-address");
@@ -284,7 +284,7 @@ TEST_CASE("a change that fails leaves what ran before") {
     INFO(failed.out << failed.err);
     CHECK(failed.exit_code == 1);
     CHECK_THAT(failed.err, Contains("what was done before was undone\n"));
-    CHECK(in.told({"call", "sea/one", "ask"})["answer"] == 7);
+    CHECK(in.json_of({"call", "sea/one", "ask"})["answer"] == 7);
     CHECK(in.state("sea/two")["host"] == "boat");
     CHECK(in.is_ready("sea/two"));
     CHECK(in.is_ready("sea/old"));
@@ -312,11 +312,11 @@ TEST_CASE("a running deployment is changed: in place, by a restart, by a move, b
                          Contains("start sea/comes on shore"));
     CHECK(pid("calm") == calm);
     CHECK(pid("changed") == changed);
-    CHECK(in.told({"call", "sea/changed", "ask"})["answer"] == 2.5);
+    CHECK(in.json_of({"call", "sea/changed", "ask"})["answer"] == 2.5);
     CHECK(pid("again") != again);
     CHECK_FALSE(lives(moves));
     CHECK(in.state("sea/moves")["host"] == "shore");
-    CHECK(in.told({"ps"}).size() == 5); // of what has gone, nothing is kept
+    CHECK(in.json_of({"ps"}).size() == 5); // of what has gone, nothing is kept
     CHECK_THAT(in.up(file), Contains("nothing to do"));
 }
 
@@ -336,7 +336,7 @@ TEST_CASE("a component that refuses a change, and values that are not allowed, e
         CHECK_THAT(wrong.err,
                    Contains("sea.toml:8:29: type 'trouble' has no parameter 'anwser'; did you mean 'answer'?"));
     }
-    CHECK(in.told({"call", "sea/one", "ask"})["answer"] == 7);
+    CHECK(in.json_of({"call", "sea/one", "ask"})["answer"] == 7);
 }
 
 TEST_CASE("what others have started is left alone") {
@@ -406,7 +406,7 @@ TEST_CASE("an instantiation server that is killed in between knows its part of t
     CHECK(in.done({"diff", file}) == "change sea/one on boat\n    answer: 4 -> 2\n");
     ::kill(pid, SIGKILL);
     wait_until([&] { return in.is_ready("sea/one") && in.state("sea/one")["process_id"] != pid; });
-    CHECK(in.told({"call", "sea/one", "ask"})["answer"] == 4); // what was set holds in the next life
+    CHECK(in.json_of({"call", "sea/one", "ask"})["answer"] == 4); // what was set holds in the next life
     in.done({"down", file});
     CHECK(marked().empty());
     CHECK(in.left_behind().empty());

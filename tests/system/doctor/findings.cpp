@@ -39,8 +39,8 @@ struct ward {
     json doctor(const std::string& timeout = "120s") const {
         return json::parse(ise_test::run_program(ise({"doctor", "--json", "--interval", "200ms"}, timeout)).out);
     }
-    static std::optional<json> find(const json& told, const std::string& kind, const std::string& component) {
-        for (const auto& one : told["findings"])
+    static std::optional<json> find(const json& output, const std::string& kind, const std::string& component) {
+        for (const auto& one : output["findings"])
             if (one["kind"] == kind && one["component"] == component) return one;
         return std::nullopt;
     }
@@ -48,11 +48,11 @@ struct ward {
     json diagnose(const std::string& kind, const std::string& component, const std::string& timeout = "120s") const {
         for (;;) {
             auto ran = ise_test::run_program(ise({"doctor", "--json", "--interval", "200ms"}, timeout));
-            auto told = json::parse(ran.out);
-            auto found = find(told, kind, component);
+            auto parsed = json::parse(ran.out);
+            auto found = find(parsed, kind, component);
             if (!found) continue;
             CHECK(ran.exit_code == 1);
-            CHECK_FALSE(told["healthy"].get<bool>());
+            CHECK_FALSE(parsed["healthy"].get<bool>());
             CHECK_FALSE((*found)["advice"].get<std::string>().empty());
             return *found;
         }
@@ -93,13 +93,13 @@ TEST_CASE(
     patient.signal(SIGSTOP);
     CHECK_THAT(message(in.diagnose("no_answer", "ward/gives", "2s")), Contains("did not answer"));
     for (;;) {
-        auto told = in.doctor("2s");
-        if (auto found = ward::find(told, "stale_lease", "ward/gives")) {
+        auto result = in.doctor("2s");
+        if (auto found = ward::find(result, "stale_lease", "ward/gives")) {
             CHECK_THAT(message(*found), Contains("its lease of 20 s was not renewed for"));
             CHECK_THAT(advice(*found), Contains("is process "));
             break;
         }
-        if (told["components"] != 0) continue; // not yet
+        if (result["components"] != 0) continue; // not yet
         // On a busy machine its name may go between two looks: once more.
         patient.signal(SIGCONT);
         while (in.doctor("2s")["components"] == 0) {}
@@ -122,10 +122,11 @@ TEST_CASE("doctor on real processes: a killed component, whose name is there yet
 TEST_CASE("doctor on real processes: a component that advertises where nobody listens is not reached") {
     ward in(2);
     in.admit("nowhere");
-    auto told = in.doctor("10s");
-    auto found = ward::find(told, "unreachable", "ward/nowhere");
-    if (!found) found = ward::find(told, "no_answer", "ward/nowhere"); // a network that swallows what it cannot deliver
-    INFO(told);
+    auto result = in.doctor("10s");
+    auto found = ward::find(result, "unreachable", "ward/nowhere");
+    if (!found)
+        found = ward::find(result, "no_answer", "ward/nowhere"); // a network that swallows what it cannot deliver
+    INFO(result);
     REQUIRE(found);
     CHECK_THAT(message(*found), Contains("192.0.2.1:7411"));
 }

@@ -287,10 +287,10 @@ TEST_CASE("host: a full disk under what a program writes stops no service") {
     asio::write(stranger, asio::buffer(std::string(100, 'x'))); // something to log about
     CHECK(shore.answer(shore.call(at, 0, 60s)));
     auto call = ise_call(at, "nap", R"({"milliseconds":0})");
-    auto told = run_program(call, full); // what was asked for cannot be told
-    CHECK(told.exit_code != 0);
-    INFO(told.err);
-    CHECK_THAT(told.err, Contains("No space left"));
+    auto result = run_program(call, full); // what was asked for cannot be told
+    CHECK(result.exit_code != 0);
+    INFO(result.err);
+    CHECK_THAT(result.err, Contains("No space left"));
     vessel.signal(SIGTERM);
     CHECK(vessel.wait().exit_code == 0);
 }

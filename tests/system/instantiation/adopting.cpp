@@ -13,13 +13,13 @@ TEST_CASE("what an instantiation server had started goes on when it is killed, a
     int pid = here.start("sea/one", {"--set", "answer=2"})["process_id"];
     here.crash();
     CHECK(lives(pid));
-    CHECK(here.told({"call", "sea/one", "ask"})["answer"] == 2);
+    CHECK(here.json_of({"call", "sea/one", "ask"})["answer"] == 2);
     here.open();
     auto shown = here.state("sea/one");
     CHECK(shown["state"] == "ready");
     CHECK(shown["process_id"] == pid);
     CHECK(shown["adopted"] == true);
-    auto ended = here.told({"stop", "sea/one"});
+    auto ended = here.json_of({"stop", "sea/one"});
     CHECK(ended["state"] == "stopped");
     CHECK_FALSE(lives(pid));
 }
@@ -30,8 +30,8 @@ TEST_CASE("the doctor finds an instantiation server that was killed, until it is
     here.start("sea/one");
     auto lost = [&] {
         auto ran = here.ise({"doctor", "--json", "--interval", "100ms"});
-        auto told = json::parse(ran.out);
-        for (const auto& one : told["findings"])
+        auto parsed = json::parse(ran.out);
+        for (const auto& one : parsed["findings"])
             if (one["kind"] == "server_lost") {
                 CHECK(ran.exit_code == 1);
                 CHECK_THAT(one["component"].get<std::string>(), Catch::StartsWith("ise/host/"));
@@ -94,7 +94,7 @@ TEST_CASE("how a component ended that was taken over is known") {
     here.crash();
     here.open();
     ::kill(well, SIGTERM);
-    here.told({"call", "sea/badly", "fail", R"({"text": "no wind"})"});
+    here.json_of({"call", "sea/badly", "fail", R"({"text": "no wind"})"});
     ::kill(killed, SIGKILL);
     ::kill(shared, SIGTERM);
     for (const char* path : {"sea/well", "sea/badly", "sea/killed", "sea/shared"})
@@ -117,7 +117,7 @@ TEST_CASE("how a component ended while no instantiation server ran is recorded")
     here.crash();
     ::kill(well, SIGTERM);
     ::kill(shared, SIGTERM);
-    here.told({"call", "sea/badly", "fail", R"({"text": "no wind"})"});
+    here.json_of({"call", "sea/badly", "fail", R"({"text": "no wind"})"});
     wait_until([&] { return !lives(well) && !lives(badly) && !lives(shared); });
     here.open();
     auto what = [&](const char* path) {

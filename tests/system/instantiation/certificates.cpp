@@ -11,7 +11,7 @@ using Catch::Contains;
 namespace {
 
 std::vector<std::string> endpoints_of(host& at, const std::string& path) {
-    for (const auto& one : at.told({"list"}))
+    for (const auto& one : at.json_of({"list"}))
         if (one["path"] == path) return one["endpoints"].get<std::vector<std::string>>();
     return {};
 }
@@ -47,7 +47,7 @@ TEST_CASE(
         CHECK_THAT(at.front(), Catch::StartsWith("tls://127.0.0.1:"));
         CHECK(here.ise({"call", path, "ask"}).exit_code == 3); // who has no certificate
     }
-    CHECK(here.told({"--tls", mine, "call", "sea/one", "ask"})["answer"] == 2);
+    CHECK(here.json_of({"--tls", mine, "call", "sea/one", "ask"})["answer"] == 2);
 }
 
 TEST_CASE("where the instantiation server has no certificates, tls is refused with what it takes") {

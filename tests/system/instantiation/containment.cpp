@@ -65,7 +65,7 @@ private:
 };
 
 int escaped_from(host& here) {
-    int pid = here.told({"call", "sea/one", "escape", "--timeout", "60s"})["pid"];
+    int pid = here.json_of({"call", "sea/one", "escape", "--timeout", "60s"})["pid"];
     REQUIRE(pid > 1);
     REQUIRE(lives(pid));
     return pid;
@@ -76,7 +76,7 @@ void check_escapes() {
     here.open();
     here.start("sea/one");
     int pid = escaped_from(here);
-    here.told({"stop", "sea/one"});
+    here.json_of({"stop", "sea/one"});
     CHECK_FALSE(lives(pid));
 
     int leader = here.start("sea/one")["process_id"];
@@ -91,7 +91,7 @@ void check_escapes() {
     pid = escaped_from(here);
     here.crash();
     here.open();
-    here.told({"kill", "sea/one"});
+    here.json_of({"kill", "sea/one"});
     CHECK_FALSE(lives(pid));
     here.start("sea/one");
     pid = escaped_from(here);
@@ -147,9 +147,9 @@ TEST_CASE("a fork bomb ends with its component where there are no control groups
 TEST_CASE("a component that takes more memory than its limit is ended, and its limits are shown") {
     host here;
     here.open();
-    auto told = here.start("sea/one", {"--limit", "memory=400MiB", "--limit", "pids=50"});
-    CHECK(told["limits"]["pids"] == 50);
-    CHECK(told["limits"]["memory"] == 400 << 20);
+    auto result = here.start("sea/one", {"--limit", "memory=400MiB", "--limit", "pids=50"});
+    CHECK(result["limits"]["pids"] == 50);
+    CHECK(result["limits"]["memory"] == 400 << 20);
     here.ise({"call", "sea/one", "eat", R"({"mebibytes": 600})", "--timeout", "60s"});
     wait_until([&] { return here.state("sea/one")["process_id"] == 0; });
     CHECK_THAT(here.state("sea/one")["reason"].get<std::string>(),

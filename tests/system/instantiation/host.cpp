@@ -89,7 +89,7 @@ ise_test::ran host::ise(std::vector<std::string> words) {
     return ise_test::run_program(std::move(words));
 }
 
-json host::told(std::vector<std::string> words) {
+json host::json_of(std::vector<std::string> words) {
     words.push_back("--json");
     auto ran = ise(std::move(words));
     INFO(ran.err);
@@ -100,16 +100,16 @@ json host::told(std::vector<std::string> words) {
 json host::start(const std::string& path, std::vector<std::string> more) {
     std::vector<std::string> words{"start", "trouble", path, "--timeout", "120s", "--ready-within", "60s"};
     words.insert(words.end(), more.begin(), more.end());
-    return told(std::move(words));
+    return json_of(std::move(words));
 }
 
 void host::deafen(const std::string& path) {
     wait_until([&] { return ise({"logs", path}).out.find("started: ") != std::string::npos; });
-    told({"call", path, "deafen"});
+    json_of({"call", path, "deafen"});
 }
 
 json host::state(const std::string& path) {
-    for (auto& one : told({"ps", path}))
+    for (auto& one : result({"ps", path}))
         if (one["path"] == path) return one;
     FAIL("there is no instance " << path);
     return {};
@@ -155,8 +155,8 @@ event_watch::~event_watch() { self_->wait(leave(events_)); } // on its own loop
 ise::instantiation::instance_info event_watch::until(const std::string& path,
                                                      ise::instantiation::instance_state state) {
     for (;;) {
-        auto told = self_->wait(next(events_));
-        if (told.path == path && told.state == state) return told;
+        auto result = self_->wait(next(events_));
+        if (result.path == path && result.state == state) return result;
     }
 }
 

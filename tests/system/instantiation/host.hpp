@@ -35,7 +35,7 @@ public:
 
     ise_test::ran ise(std::vector<std::string> words);
     /// What a command that must succeed tells with --json.
-    json told(std::vector<std::string> words);
+    json json_of(std::vector<std::string> words);
     /// Starts a `trouble` at a path: what is told of it.
     json start(const std::string& path, std::vector<std::string> more = {});
     json state(const std::string& path);

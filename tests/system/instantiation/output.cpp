@@ -79,7 +79,7 @@ TEST_CASE("a full disk costs output, and nothing else") {
     int first = here.start("sea/one", {"--restart", "on-failure"})["process_id"];
     disk.fill();
     CHECK(here.start("sea/other")["state"] == "ready"); // there is room for the state
-    here.told({"stop", "sea/other"});
+    here.json_of({"stop", "sea/other"});
     here.ise({"call", "sea/one", "say", R"({"text": ")" + std::string(1000, 'x') + R"(", "times": 2000})", "--timeout",
               "300s"});
     wait_until([&] { return here.state("sea/one")["output_dropped"] > 0; });
@@ -107,7 +107,7 @@ TEST_CASE("a full disk costs output, and nothing else") {
     });
     CHECK_THAT(here.ise({"logs", "sea/one"}).out, Contains("bytes of output were dropped: No space left on device\n"));
     wait_until([&] { return here.state("sea/one")["output_trouble"] == ""; });
-    CHECK(here.told({"stop", "sea/one"})["state"] == "stopped");
+    CHECK(here.json_of({"stop", "sea/one"})["state"] == "stopped");
     CHECK_FALSE(lives(second));
     CHECK(marked().empty());
 }
@@ -124,6 +124,6 @@ TEST_CASE("the log has the last words before a crash, and how each life ended") 
     auto log = here.ise({"logs", "sea/one"}).out;
     CHECK_THAT(log, Contains("last words\n") &&
                         Contains("\n--- life 1: ended by signal 6 (Aborted)\n--- life 2: started again after "));
-    here.told({"stop", "sea/one"});
+    here.json_of({"stop", "sea/one"});
     CHECK_THAT(here.ise({"logs", "sea/one", "-n", "1"}).out, Catch::StartsWith("--- life 2: ended with exit code 0"));
 }

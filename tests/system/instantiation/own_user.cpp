@@ -87,7 +87,7 @@ TEST_CASE("a component runs as a user of its own: his groups and his home, and a
     here.crash();
     here.open({"--allow-user", "nobody"});
     CHECK(here.state("sea/one")["process_id"] == pid);
-    auto again = here.told({"restart", "sea/one", "--timeout", "60s"});
+    auto again = here.json_of({"restart", "sea/one", "--timeout", "60s"});
     CHECK(again["process_id"] != pid);
     pid = again["process_id"];
     check();

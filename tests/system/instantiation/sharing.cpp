@@ -18,7 +18,7 @@ struct shared_host : host {
     }
     int pid(const std::string& path) { return state(path)["process_id"]; }
     bool is(const std::string& path, const std::string& wanted) { return state(path)["state"] == wanted; }
-    json answer(const std::string& path) { return told({"call", path, "ask"})["answer"]; }
+    json answer(const std::string& path) { return json_of({"call", path, "ask"})["answer"]; }
 };
 
 } // namespace
@@ -28,7 +28,7 @@ TEST_CASE("the last component of a shared process that is stopped is not told to
     here.share("sea/one");
     here.share("sea/two");
     for (const char* path : {"sea/one", "sea/two"})
-        CHECK(here.told({"stop", path})["reason"] == "ended without a failure, in process 'main'");
+        CHECK(here.json_of({"stop", path})["reason"] == "ended without a failure, in process 'main'");
 }
 
 TEST_CASE("components share a process, and each is driven for itself") {
@@ -40,22 +40,22 @@ TEST_CASE("components share a process, and each is driven for itself") {
     CHECK(here.start("sea/alone")["process_id"] != pid);
     CHECK(here.answer("sea/one") == 1); // parameters of the same type, but not the same variables
     CHECK(here.answer("sea/two") == 2);
-    here.told({"param", "set", "sea/one", "answer", "5"});
+    here.json_of({"param", "set", "sea/one", "answer", "5"});
     CHECK(here.answer("sea/one") == 5);
     CHECK(here.answer("sea/two") == 2);
     CHECK_THAT(here.ise({"ps"}).out, Contains(std::to_string(pid) + " (main)"));
     for (const char* path : {"sea/one", "sea/two"})
         CHECK_THAT(here.ise({"logs", path}).out, Contains("one is here") && Contains("two is here"));
 
-    here.told({"restart", "sea/one"});
+    here.json_of({"restart", "sea/one"});
     CHECK(here.pid("sea/one") == pid);
     CHECK(here.answer("sea/one") == 5); // what was set holds in the next life
-    auto stopped = here.told({"stop", "sea/one"});
+    auto stopped = here.json_of({"stop", "sea/one"});
     CHECK(stopped["state"] == "stopped");
     CHECK(here.ise({"describe", "sea/one"}).exit_code == 3);
     CHECK(here.answer("sea/two") == 2);
     CHECK(lives(pid));
-    CHECK(here.told({"kill", "sea/two"})["state"] == "stopped"); // the last: its process goes with it
+    CHECK(here.json_of({"kill", "sea/two"})["state"] == "stopped"); // the last: its process goes with it
     CHECK_FALSE(lives(pid));
     CHECK_THAT(here.ise({"logs", "sea/two"}).out, Contains("two is here"));
     CHECK(here.share("sea/two")["state"] == "ready");
@@ -84,7 +84,7 @@ TEST_CASE("a component that fails in a shared process is started again there, al
     shared_host here;
     int pid = here.share("sea/one", {"--restart", "on-failure"})["process_id"];
     here.share("sea/two");
-    here.told({"call", "sea/one", "fail", R"({"text":"a leak"})"});
+    here.json_of({"call", "sea/one", "fail", R"({"text":"a leak"})"});
     wait_until([&] { return here.state("sea/one")["restarts"] == 1 && here.is("sea/one", "ready"); });
     CHECK(here.pid("sea/one") == pid);
     CHECK(here.pid("sea/two") == pid);
@@ -100,7 +100,7 @@ TEST_CASE("a thread that does not come back takes its process along, and the oth
     shared_host here;
     int pid = here.share("sea/stuck", {"--set", "stuck=true", "--grace", "200ms"})["process_id"];
     here.share("sea/two", {"--restart", "always"});
-    CHECK(here.told({"stop", "sea/stuck", "--timeout", "120s"})["state"] == "stopped");
+    CHECK(here.json_of({"stop", "sea/stuck", "--timeout", "120s"})["state"] == "stopped");
     wait_until([&] { return here.is("sea/two", "ready") && here.pid("sea/two") != pid; });
     CHECK_FALSE(lives(pid));
 }
@@ -117,7 +117,7 @@ TEST_CASE("a shared process goes on without its instantiation server, and is tak
         CHECK(here.state(path)["adopted"] == true);
         CHECK(here.pid(path) == pid);
     }
-    CHECK(here.told({"stop", "sea/two"})["state"] == "stopped");
+    CHECK(here.json_of({"stop", "sea/two"})["state"] == "stopped");
     CHECK(here.share("sea/two")["process_id"] == pid);
     ::kill(pid, SIGKILL);
     wait_until([&] { return here.is("sea/one", "ready") && here.pid("sea/one") != pid; });

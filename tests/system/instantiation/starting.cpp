@@ -16,19 +16,19 @@ using Catch::Contains;
 TEST_CASE("a component is started and found and called and stopped") {
     host here;
     here.open();
-    auto told = here.start("sea/one", {"--set", "answer=3.5", "--env", "TROUBLE_FLAG=up"});
-    CHECK(told["state"] == "ready");
-    CHECK(told["host"] == "shore");
-    CHECK(told["type"] == "trouble");
-    int pid = told["process_id"];
+    auto result = here.start("sea/one", {"--set", "answer=3.5", "--env", "TROUBLE_FLAG=up"});
+    CHECK(result["state"] == "ready");
+    CHECK(result["host"] == "shore");
+    CHECK(result["type"] == "trouble");
+    int pid = result["process_id"];
     REQUIRE(pid > 1);
     CHECK(lives(pid));
-    CHECK(here.told({"call", "sea/one", "ask"}) == json{{"answer", 3.5}, {"variable", "up"}});
+    CHECK(here.json_of({"call", "sea/one", "ask"}) == json{{"answer", 3.5}, {"variable", "up"}});
     auto listed = here.ise({"ps"});
     CHECK_THAT(listed.out, Contains("sea/one") && Contains("ready") && Contains(std::to_string(pid)));
     CHECK(here.ise({"ps", "--names"}).out == "sea/one\n");
 
-    auto ended = here.told({"stop", "sea/one"});
+    auto ended = here.json_of({"stop", "sea/one"});
     CHECK(ended["state"] == "stopped");
     CHECK(ended["process_id"] == 0);
     CHECK_FALSE(lives(pid));
@@ -52,8 +52,8 @@ TEST_CASE("the types that can be started are told with their parameters") {
                Contains("requires") && Contains("telecommand_recall"));
     for (const auto* proxy : {"gprs-proxy", "iridium-proxy"})
         CHECK_THAT(here.ise({"start", "--types", proxy}).out, Contains("requires") && Contains("telemetry_store"));
-    auto boat = here.told({"start", "boat-simulator", "--set", "wind-speed=9", "--namespace", "test", "--timeout",
-                           "120s", "--ready-within", "60s"});
+    auto boat = here.json_of({"start", "boat-simulator", "--set", "wind-speed=9", "--namespace", "test", "--timeout",
+                              "120s", "--ready-within", "60s"});
     CHECK(boat["path"] == "test/atirma/boat");
     CHECK(here.ise({"describe", "--names", "test/atirma/boat"}).out == "scene\nground_truth\n");
 }
@@ -78,8 +78,8 @@ TEST_CASE("programs that are none are told and do no harm") {
     put("nonsense", "echo hello");
     put("thief", "echo '{\"program\":\"thief\",\"types\": [{\"name\": \"other\", \"variables\": [\"LD_PRELOAD\"]}]}'");
     here.open();
-    auto told = here.ise({"start", "--types", "--names"});
-    CHECK(told.out == "trouble\n");
+    auto result = here.ise({"start", "--types", "--names"});
+    CHECK(result.out == "trouble\n");
     auto loud = here.ise({"start", "--types"});
     CHECK_THAT(loud.err, Contains("babbler --describe: it says more than") && Contains("exit code 3") &&
                              Contains("a type cannot be called '--trouble'") &&
@@ -187,7 +187,7 @@ TEST_CASE("what a parameter of A-Tirma says of itself fits its kind") {
     here.install("atirma");
     here.open();
     std::size_t places = 0;
-    for (const auto& type : here.told({"start", "--types"}))
+    for (const auto& type : here.json_of({"start", "--types"}))
         for (const auto& one : type["parameters"]) {
             auto kind = one["kind"].get<std::string>();
             auto text = one["description"].get<std::string>() + " " + one["preset"].get<std::string>();
@@ -319,7 +319,7 @@ TEST_CASE("no more instances run than the server was told") {
     auto third = here.ise({"start", "trouble", "sea/three"});
     CHECK(third.exit_code == 1);
     CHECK_THAT(third.err, Contains("2 instances run here, which is the limit"));
-    here.told({"stop", "sea/one"});
+    here.json_of({"stop", "sea/one"});
     CHECK(here.start("sea/three")["state"] == "ready");
     CHECK(here.ise({"ps", "--names"}).out == "sea/three\nsea/two\n");
 }

@@ -81,7 +81,7 @@ std::int32_t start_escaped() {
             ::execve(sleep, words, nothing);
             ::_exit(1);
         }
-        [[maybe_unused]] auto told = ::write(ends[1], &grandchild, sizeof grandchild);
+        [[maybe_unused]] auto result = ::write(ends[1], &grandchild, sizeof grandchild);
         ::_exit(0);
     }
     pid_t escaped_pid = 0;

@@ -19,7 +19,7 @@ TEST_CASE("a component that was killed is started again, by its policy") {
     auto again = events.until("sea/one", state::ready);
     CHECK(again.process_id != first);
     CHECK(again.restarts == 1);
-    CHECK(here.told({"call", "sea/one", "ask", "--timeout", "60s"})["answer"] == 7);
+    CHECK(here.json_of({"call", "sea/one", "ask", "--timeout", "60s"})["answer"] == 7);
 
     ::kill(other, SIGKILL);
     auto failed = events.until("sea/two", state::failed);
@@ -63,7 +63,7 @@ TEST_CASE("a stop goes to the whole group, and to what does not hear it") {
     int pid = here.start("sea/one", {"--set", "children=4", "--grace", "300ms"})["process_id"];
     here.deafen("sea/one");
     CHECK(marked().size() == 5);
-    auto ended = here.told({"stop", "sea/one"});
+    auto ended = here.json_of({"stop", "sea/one"});
     CHECK(ended["state"] == "stopped");
     CHECK(ended["reason"] == "signal 9 (Killed)");
     CHECK_FALSE(lives(pid));
@@ -84,15 +84,15 @@ TEST_CASE("a component is restarted, and killed, when asked") {
     host here;
     here.open();
     int first = here.start("sea/one", {"--restart", "always", "--set", "answer=2"})["process_id"];
-    auto again = here.told({"restart", "sea/one", "--timeout", "120s"});
+    auto again = here.json_of({"restart", "sea/one", "--timeout", "120s"});
     CHECK(again["state"] == "ready");
     CHECK(again["process_id"] != first);
     CHECK_FALSE(lives(first));
-    CHECK(here.told({"call", "sea/one", "ask"})["answer"] == 2);
-    auto killed = here.told({"kill", "sea/one"});
+    CHECK(here.json_of({"call", "sea/one", "ask"})["answer"] == 2);
+    auto killed = here.json_of({"kill", "sea/one"});
     CHECK(killed["state"] == "stopped");
     CHECK(killed["reason"] == "signal 9 (Killed)");
-    CHECK(here.told({"restart", "sea/one", "--timeout", "120s"})["state"] == "ready"); // also one that is over
+    CHECK(here.json_of({"restart", "sea/one", "--timeout", "120s"})["state"] == "ready"); // also one that is over
     CHECK_THAT(here.ise({"stop", "sea/won"}).err,
                Contains("no instantiation server has started 'sea/won'") && Contains("did you mean 'sea/one'"));
 }

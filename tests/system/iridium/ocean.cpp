@@ -119,8 +119,8 @@ void ocean::set_gateway(atirma::iridium_gateway_request request) {
     bool done = false;
     user([request, &done](ise::component& self) -> ise::task<> {
         auto whom = gateway(self);
-        auto told = co_await whom.try_call(atirma::services::iridium_gateway_control, request, 5s);
-        told.value();
+        auto response = co_await whom.try_call(atirma::services::iridium_gateway_control, request, 5s);
+        response.value();
         done = true;
     });
     REQUIRE(until([&] { return done; }));
@@ -130,8 +130,8 @@ void ocean::set_sky(atirma::iridium_sky_request request) {
     bool done = false;
     user([request, &done](ise::component& self) -> ise::task<> {
         auto whom = modem(self);
-        auto told = co_await whom.try_call(atirma::services::iridium_sky_control, request, 5s);
-        told.value();
+        auto response = co_await whom.try_call(atirma::services::iridium_sky_control, request, 5s);
+        response.value();
         done = true;
     });
     REQUIRE(until([&] { return done; }));

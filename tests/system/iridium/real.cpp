@@ -60,8 +60,8 @@ template <class C, class Ask>
 ise::endpoint where_it_listens(C& component, Ask ask) {
     auto body = [](C& of, Ask question) -> ise::task<ise::endpoint> {
         for (;;) {
-            auto told = question(of);
-            if (told) co_return *told;
+            auto result = question(of);
+            if (result) co_return *result;
             co_await of.sleep(5ms);
         }
     };

@@ -221,10 +221,10 @@ TEST_CASE("Iridium by mail as processes: positions come, a telecommand is answer
     word.mtmsn = 42;
     word.queue_position = 1;
     s.send(iridium_mail::make_disposition_mail(word, "boat@example.org"));
-    std::string told;
+    std::string message;
     REQUIRE(s.until([&] {
-        told = s.account();
-        return told.find("queued at the gateway as 42") != std::string::npos;
+        message = s.account();
+        return message.find("queued at the gateway as 42") != std::string::npos;
     }));
 
     // It dies; what the boat says meanwhile lies in the mailbox, and the telecommand is not paid for twice.

@@ -99,9 +99,9 @@ private:
 
 TEST_CASE("processes: the boat answers a telecommand, its telemetry reaches the page, and each process ends as asked") {
     demo sails;
-    auto told = sails.set_mode(11, "hold");
-    CHECK(told.err == "");
-    CHECK_THAT(told.out, Contains(R"("state":"acknowledged")") && Contains(R"("result":"done")"));
+    auto result = sails.set_mode(11, "hold");
+    CHECK(result.err == "");
+    CHECK_THAT(result.out, Contains(R"("state":"acknowledged")") && Contains(R"("result":"done")"));
     auto truth = sails.ise({"echo", "--count", "2", "atirma/boat", "ground_truth"});
     CHECK_THAT(truth.out, Contains(R"("mode":"hold")"));
     // Ends with 0 only if the page's event stream brought telemetry and the boat acknowledged.
@@ -122,9 +122,9 @@ TEST_CASE("processes: a killed proxy, boat, link or name server heals once it ru
     sails.kill(victim);
     sails.run_again(victim);
     // The id is new: the boat that comes back may not know what was said before, a proxy neither.
-    auto told = sails.set_mode(22, "automatic");
-    CHECK(told.err == "");
-    CHECK_THAT(told.out, Contains(R"("state":"acknowledged")"));
+    auto result = sails.set_mode(22, "automatic");
+    CHECK(result.err == "");
+    CHECK_THAT(result.out, Contains(R"("state":"acknowledged")"));
     CHECK_THAT(sails.ise({"echo", "--count", "2", "atirma/boat", "ground_truth"}).out,
                Contains(R"("mode":"automatic")"));
 }
@@ -147,8 +147,8 @@ TEST_CASE("processes: who listens is told when the boat is not reached any more,
     sails.kill("boat");
     CHECK_THAT(echo.read_error_line(), Contains("'atirma/boat' is not reached any more"));
     sails.run_again("boat");
-    auto told = echo.read_error_line() + "\n" + echo.read_error_line(); // in either order
-    CHECK_THAT(told, Contains("is reached again") && Contains("the provider restarted"));
+    auto result = echo.read_error_line() + "\n" + echo.read_error_line(); // in either order
+    CHECK_THAT(result, Contains("is reached again") && Contains("the provider restarted"));
     echo.signal(SIGINT);
     CHECK(echo.wait().exit_code == 0);
 }

@@ -28,12 +28,12 @@ public:
     }
     // Of the packets on that node's disk that it shows.
     std::multiset<std::string> track(const std::string& name) {
-        auto told = call("atirma/shore/" + name, "track", R"({"max_packets":1000})");
-        INFO(told.err);
-        REQUIRE(told.exit_code == 0);
+        auto result = call("atirma/shore/" + name, "track", R"({"max_packets":1000})");
+        INFO(result.err);
+        REQUIRE(result.exit_code == 0);
         std::multiset<std::string> made;
         std::regex number(R"re("boot":\d+,"sequence":\d+)re");
-        for (std::sregex_iterator at(told.out.begin(), told.out.end(), number), last; at != last; ++at)
+        for (std::sregex_iterator at(result.out.begin(), result.out.end(), number), last; at != last; ++at)
             made.insert(at->str());
         return made;
     }
@@ -69,13 +69,13 @@ TEST_CASE(
         it.kill(victim);
         ++id;
         auto mode = std::string(id % 2 ? "automatic" : "hold");
-        auto told = it.set_mode(id, mode);
+        auto result = it.set_mode(id, mode);
         // A call that was written to the node that died is not sent again by itself: the operator asks with the same
         // id.
-        auto acknowledged = [&] { return told.out.find(R"("state":"acknowledged")") != std::string::npos; };
-        for (int tries = 0; tries < 20 && !acknowledged(); ++tries) told = it.set_mode(id, mode);
-        INFO(told.err);
-        CHECK_THAT(told.out, Contains(R"("state":"acknowledged")") && Contains(R"("result":"done")"));
+        auto acknowledged = [&] { return result.out.find(R"("state":"acknowledged")") != std::string::npos; };
+        for (int tries = 0; tries < 20 && !acknowledged(); ++tries) result = it.set_mode(id, mode);
+        INFO(result.err);
+        CHECK_THAT(result.out, Contains(R"("state":"acknowledged")") && Contains(R"("result":"done")"));
         it.run_again(victim);
         REQUIRE(it.until([&] { return it.state(victim).find(R"("serving":true)") != std::string::npos; }));
         REQUIRE(it.until([&] {

@@ -66,11 +66,11 @@ private:
     std::string next_line() {
         std::optional<std::error_code> outcome;
         std::size_t size = 0;
-        auto told = [&](std::error_code problem, std::size_t got) {
+        auto result = [&](std::error_code problem, std::size_t got) {
             outcome = problem;
             size = got;
         };
-        asio::async_read_until(socket_, asio::dynamic_buffer(text_), '\n', told);
+        asio::async_read_until(socket_, asio::dynamic_buffer(text_), '\n', result);
         loop_.restart();
         loop_.run_for(patience);
         if (!outcome) { // the stream has fallen silent
@@ -125,22 +125,23 @@ public:
         page_ = page_.substr(page_.find("http://"));
     }
     std::string page() const { return page_; }
-    void told(const std::string& whom, const std::string& service, const std::string& request,
-              const std::string& expected) {
+    void check_reply(const std::string& whom, const std::string& service, const std::string& request,
+                     const std::string& expected) {
         auto answer = call(whom, service, request);
         INFO(answer.err);
         CHECK(answer.exit_code == 0);
         CHECK_THAT(answer.out, Contains(expected));
     }
     void radio(bool up) {
-        told("atirma/air", "air_control", fmt::format(R"({{"up":{}}})", up), fmt::format(R"("up":{})", up));
+        check_reply("atirma/air", "air_control", fmt::format(R"({{"up":{}}})", up), fmt::format(R"("up":{})", up));
     }
     void gprs(bool up) {
-        told("atirma/carrier", "carrier_control", fmt::format(R"({{"up":{}}})", up), fmt::format(R"("up":{})", up));
+        check_reply("atirma/carrier", "carrier_control", fmt::format(R"({{"up":{}}})", up),
+                    fmt::format(R"("up":{})", up));
     }
     void sky(bool free) {
-        told("atirma/iridium/modem", "iridium_sky_control", fmt::format(R"({{"free":{}}})", free),
-             fmt::format(R"("free":{})", free));
+        check_reply("atirma/iridium/modem", "iridium_sky_control", fmt::format(R"({{"free":{}}})", free),
+                    fmt::format(R"("free":{})", free));
     }
 
 private:

@@ -77,13 +77,13 @@ std::vector<process> started_with(const std::string& variable) {
 
 TEST_CASE("demo: a minute's mission on the real clock, with links and processes failing, loses nothing") {
     folder out;
-    auto told = run_demo({"--mission", "stress", "--for", "60s", "--seed", "3", "--speedup", "4", "--port", "0",
-                          "--out", out.at.string()});
-    INFO(told.out);
-    INFO(told.err);
+    auto result = run_demo({"--mission", "stress", "--for", "60s", "--seed", "3", "--speedup", "4", "--port", "0",
+                            "--out", out.at.string()});
+    INFO(result.out);
+    INFO(result.err);
     INFO(out.read("report.md"));
-    CHECK(told.exit_code == 0);
-    CHECK_THAT(told.out, Contains("the proof holds"));
+    CHECK(result.exit_code == 0);
+    CHECK_THAT(result.out, Contains("the proof holds"));
     CHECK_THAT(out.read("report.md"), Contains("on the real clock") && Contains("**The proof holds") &&
                                           Contains("the primary communication node is killed") &&
                                           Contains("the boat's computer loses its power"));

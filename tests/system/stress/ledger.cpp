@@ -61,39 +61,39 @@ TEST_CASE("stress: what was sent and is neither on a disk nor at the boat is tol
     CHECK(radio.kept == 1);
     CHECK(radio.waiting == 1);
     CHECK(verdict.lost.size() == 3);
-    account told;
-    told.plan.length = 1h;
-    auto& noise = told.episodes.emplace_back();
+    account result;
+    result.plan.length = 1h;
+    auto& noise = result.episodes.emplace_back();
     noise.from = 29min;
     noise.until = 31min;
     noise.what = "noise";
     noise.link = link_id::xbee;
-    auto causes = findings::causes_of(told, verdict.lost, link_id::xbee);
+    auto causes = findings::causes_of(result, verdict.lost, link_id::xbee);
     CHECK(causes.size() == 3);
     CHECK(causes["noise"] == 1);
     CHECK(causes["lost on shore, cause unknown"] == 1);
     CHECK(causes["never received on shore, cause unknown"] == 1);
-    CHECK(findings::causes_of(told, verdict.lost, link_id::gprs).empty());
+    CHECK(findings::causes_of(result, verdict.lost, link_id::gprs).empty());
 }
 
 TEST_CASE("stress: a silence of Iridium without a fault is explained by what its modem reported") {
-    account told;
-    told.plan.length = 1h;
-    told.plan.iridium_period_s = 60;
+    account result;
+    result.plan.length = 1h;
+    result.plan.iridium_period_s = 60;
     auto cause = [&] {
-        auto silent = findings(told).gaps[static_cast<std::size_t>(link_id::iridium)];
+        auto silent = findings(result).gaps[static_cast<std::size_t>(link_id::iridium)];
         REQUIRE(silent.size() == 1);
         return silent.front().cause;
     };
     CHECK(cause() == "the boat began no session");
-    told.sessions = {{20min, 20min + 30s, false}, {25min, 25min + 30s, false}};
+    result.sessions = {{20min, 20min + 30s, false}, {25min, 25min + 30s, false}};
     CHECK(cause() == "2 sessions broke off");
     ledger book;
     book.sent(link_id::iridium, 1, 19min);
-    auto causes = findings::causes_of(told, book.judge(both({}), 1h).lost, link_id::iridium);
+    auto causes = findings::causes_of(result, book.judge(both({}), 1h).lost, link_id::iridium);
     CHECK(causes["its session broke off"] == 1);
-    told.sessions.clear();
-    told.episodes.push_back({10min, 50min, "no satellite in sight", link_id::iridium});
+    result.sessions.clear();
+    result.episodes.push_back({10min, 50min, "no satellite in sight", link_id::iridium});
     CHECK(cause() == "no satellite in sight");
 }
 
@@ -189,17 +189,17 @@ TEST_CASE("stress: a proof about a link that brought nothing, or a page that was
         if (link == link_id::xbee) book.receipted(n, 2s);
         else book.acknowledged(link, n, 2s);
     }
-    account told;
-    told.plan.length = 1h;
-    told.page.received = 3;
-    told.packets.resize(3);
-    told.consoles.emplace_back().fix = true;
-    CHECK(holds(told, book.judge(both({1, 2, 3}), 1h)));
-    told.page.received = 2;
-    CHECK_FALSE(holds(told, book.judge(both({1, 2, 3}), 1h)));
-    told.virtual_clock = false; // a real page kept what its lives before were shown
-    CHECK(holds(told, book.judge(both({1, 2, 3}), 1h)));
-    CHECK_FALSE(holds(told, book.judge(both({1, 2, 3}), 1500ms))); // nothing was owed by then
+    account result;
+    result.plan.length = 1h;
+    result.page.received = 3;
+    result.packets.resize(3);
+    result.consoles.emplace_back().fix = true;
+    CHECK(holds(result, book.judge(both({1, 2, 3}), 1h)));
+    result.page.received = 2;
+    CHECK_FALSE(holds(result, book.judge(both({1, 2, 3}), 1h)));
+    result.virtual_clock = false; // a real page kept what its lives before were shown
+    CHECK(holds(result, book.judge(both({1, 2, 3}), 1h)));
+    CHECK_FALSE(holds(result, book.judge(both({1, 2, 3}), 1500ms))); // nothing was owed by then
 }
 
 TEST_CASE("stress: a plan has every trouble, is the same for the same seed, and kills one process at a time") {

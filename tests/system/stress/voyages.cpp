@@ -18,15 +18,15 @@ voyage_options short_one(std::uint64_t seed) {
     return options;
 }
 
-struct told {
+struct summary {
     bool good = false;
     account story;
     std::string report, picture, gpx, log;
 };
-told sail(voyage& sea) {
+summary sail(voyage& sea) {
     sea.sail();
     auto proof = sea.judge();
-    told made;
+    summary made;
     made.story = sea.story();
     findings found(made.story);
     made.good = holds(made.story, proof);
@@ -97,12 +97,12 @@ TEST_CASE("stress: a recorded wind is sailed on, and nothing is lost") {
     options.length = 15min;
     options.wind_csv = "t_s,tws_mps,twd_deg\n0,6.0,40\n120,7.5,52\n300,5.0,61\n420,8.0,44\n900,6.5,38\n";
     voyage sea(options);
-    auto told = sail(sea);
-    INFO(told.report);
-    CHECK(told.good);
-    CHECK(told.story.sailed_m > 300);
-    CHECK(told.report.find("The wind: a recorded series.") != std::string::npos);
+    auto result = sail(sea);
+    INFO(result.report);
+    CHECK(result.good);
+    CHECK(result.story.sailed_m > 300);
+    CHECK(result.report.find("The wind: a recorded series.") != std::string::npos);
     options.wind_csv = "t_s,tws_mps,twd_deg\n0,6.0,40\n900,6.0,220\n"; // another wind, another track
     voyage other(options);
-    CHECK(sail(other).gpx != told.gpx);
+    CHECK(sail(other).gpx != result.gpx);
 }

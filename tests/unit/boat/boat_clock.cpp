@@ -74,11 +74,11 @@ TEST_CASE("boat clock: a boat that cannot judge UTC gets times by its own clock"
     it.clock.distrust(5);
     CHECK(it.read().boot == 5);
     CHECK(it.read().at == it.wall - 201s);
-    packet_header told;
-    told.boot = 5;
-    told.measured_at = it.wall - 200s - 10s;
-    CHECK(it.clock.shore_time(it.now, it.wall, told) >= it.wall - 10s);
-    CHECK(it.clock.shore_time(it.now, it.wall, told) <= it.wall);
+    packet_header result;
+    result.boot = 5;
+    result.measured_at = it.wall - 200s - 10s;
+    CHECK(it.clock.shore_time(it.now, it.wall, result) >= it.wall - 10s);
+    CHECK(it.clock.shore_time(it.now, it.wall, result) <= it.wall);
 }
 
 TEST_CASE("boat clock: the shore's own clock may be set while a packet is on its way") {

@@ -61,7 +61,7 @@ ise::bytes resealed(ise::bytes raw) {
     return raw;
 }
 
-telecommand told(boat_command what) {
+telecommand encodable(boat_command what) {
     telecommand made;
     made.id = 1000 + static_cast<unsigned>(what.kind());
     made.sent_at = header().measured_at;
@@ -78,24 +78,25 @@ std::vector<recorded_telecommand> all_commands() {
     using namespace commands;
     const waypoint point{28.16, -15.452};
     return {
-        {told(ping()), "01400000E80300007B98F73E5D0100F34A"},
-        {told(set_mode{sailing_mode::return_home}), "01400000E90300007B98F73E5D010103A91A"},
-        {told(waypoint_add{point}), "01400000EA0300007B98F73E5D010200E0C8104036CAF6DA3A"},
-        {told(waypoint_insert{4, point}), "01400000EB0300007B98F73E5D01030400E0C8104036CAF65886"},
-        {told(waypoint_delete{4}), "01400000EC0300007B98F73E5D0104041A9B"},
-        {told(waypoint_clear()), "01400000ED0300007B98F73E5D01055893"},
-        {told(waypoint_read_back()), "01400000EE0300007B98F73E5D0106C1DB"},
-        {told(waypoint_select{4}), "01400000EF0300007B98F73E5D010704D6CB"},
-        {told(set_parameter{parameter_id::leeway_compensation, 0.25f}), "01400000F00300007B98F73E5D0108040000803E9929"},
-        {told(get_parameter{parameter_id::leeway_compensation}), "01400000F10300007B98F73E5D0109041FCF"},
-        {told(tack_now()), "01400000F20300007B98F73E5D010AB9BC"},
-        {told(gybe_now()), "01400000F30300007B98F73E5D010BD174"},
-        {told(set_telemetry_period{link_id::iridium, 600}), "01400000F40300007B98F73E5D010C0200001644FF0F"},
-        {told(request_status()), "01400000F50300007B98F73E5D010DE3E5"},
-        {told(reboot()), "01400000F60300007B98F73E5D010E7AAD"},
-        {told(emergency_beacon{false}), "01400000F70300007B98F73E5D010F00032E"},
-        {told(mission_stage{4, point}), "01400000F80300007B98F73E5D01100400E0C8104036CAF68796"},
-        {told(mission_switch{5, 0x01020304}), "01400000F90300007B98F73E5D01110504030201E841"},
+        {encodable(ping()), "01400000E80300007B98F73E5D0100F34A"},
+        {encodable(set_mode{sailing_mode::return_home}), "01400000E90300007B98F73E5D010103A91A"},
+        {encodable(waypoint_add{point}), "01400000EA0300007B98F73E5D010200E0C8104036CAF6DA3A"},
+        {encodable(waypoint_insert{4, point}), "01400000EB0300007B98F73E5D01030400E0C8104036CAF65886"},
+        {encodable(waypoint_delete{4}), "01400000EC0300007B98F73E5D0104041A9B"},
+        {encodable(waypoint_clear()), "01400000ED0300007B98F73E5D01055893"},
+        {encodable(waypoint_read_back()), "01400000EE0300007B98F73E5D0106C1DB"},
+        {encodable(waypoint_select{4}), "01400000EF0300007B98F73E5D010704D6CB"},
+        {encodable(set_parameter{parameter_id::leeway_compensation, 0.25f}),
+         "01400000F00300007B98F73E5D0108040000803E9929"},
+        {encodable(get_parameter{parameter_id::leeway_compensation}), "01400000F10300007B98F73E5D0109041FCF"},
+        {encodable(tack_now()), "01400000F20300007B98F73E5D010AB9BC"},
+        {encodable(gybe_now()), "01400000F30300007B98F73E5D010BD174"},
+        {encodable(set_telemetry_period{link_id::iridium, 600}), "01400000F40300007B98F73E5D010C0200001644FF0F"},
+        {encodable(request_status()), "01400000F50300007B98F73E5D010DE3E5"},
+        {encodable(reboot()), "01400000F60300007B98F73E5D010E7AAD"},
+        {encodable(emergency_beacon{false}), "01400000F70300007B98F73E5D010F00032E"},
+        {encodable(mission_stage{4, point}), "01400000F80300007B98F73E5D01100400E0C8104036CAF68796"},
+        {encodable(mission_switch{5, 0x01020304}), "01400000F90300007B98F73E5D01110504030201E841"},
     };
 }
 
@@ -244,7 +245,7 @@ TEST_CASE("a telecommand under authority carries its epoch, and one without is w
 }
 
 TEST_CASE("a telecommand that is valid for a time says so, in hundredths of a second, and by which clock") {
-    auto hold = told(commands::set_mode{sailing_mode::return_home});
+    auto hold = encodable(commands::set_mode{sailing_mode::return_home});
     hold.authority = 0x01020304;
     hold.valid_for = std::chrono::minutes(1);
     hold.clock_of = 513;

@@ -12,7 +12,7 @@ TEST_CASE("a receipt names packets of one boot, as many as fit, and the next one
     const utc_time at(1'504'512'000'000ms);
     std::set<packet_name> all{{7, 10}, {7, 11}, {7, 649}, {7, 650}, {8, 0}, {8, 0xFFFFFFFF}};
     auto left = all;
-    std::set<packet_name> told;
+    std::set<packet_name> result;
     std::vector<std::size_t> sizes;
     while (!left.empty()) {
         auto raw = encode_receipt(at, left);
@@ -22,9 +22,9 @@ TEST_CASE("a receipt names packets of one boot, as many as fit, and the next one
         REQUIRE(parsed);
         CHECK(parsed->sent_at == at);
         sizes.push_back(parsed->packets.size());
-        told.insert(parsed->packets.begin(), parsed->packets.end());
+        result.insert(parsed->packets.begin(), parsed->packets.end());
     }
-    CHECK(told == all);
+    CHECK(result == all);
     CHECK(sizes == std::vector<std::size_t>{3, 1, 1, 1});
 }
 

@@ -66,14 +66,14 @@ TEST_CASE(
     CHECK(it.stage(5) == telecommand_stage::sent);
     CHECK(it.acknowledge(5, command_kind::tack_now));
     CHECK_FALSE(it.acknowledge(5, command_kind::tack_now));
-    std::vector<telecommand_status> told;
-    for (const auto& each : it.book.take_changes()) told.push_back(status_of(each, link_id::xbee));
-    REQUIRE(told.size() == 3);
-    for (const auto& each : told) CHECK(each.asked_at == asked_at); // whoever comes later is told no 1970
-    CHECK(told[2].at == asked_at + 3s);
-    CHECK(told[0].state == telecommand_stage::queued);
-    CHECK(told[1].state == telecommand_stage::sent);
-    CHECK(told[2].state == telecommand_stage::acknowledged);
+    std::vector<telecommand_status> result;
+    for (const auto& each : it.book.take_changes()) result.push_back(status_of(each, link_id::xbee));
+    REQUIRE(result.size() == 3);
+    for (const auto& each : result) CHECK(each.asked_at == asked_at); // whoever comes later is told no 1970
+    CHECK(result[2].at == asked_at + 3s);
+    CHECK(result[0].state == telecommand_stage::queued);
+    CHECK(result[1].state == telecommand_stage::sent);
+    CHECK(result[2].state == telecommand_stage::acknowledged);
     CHECK(it.book.take_changes().empty());
     CHECK(it.book.next_event() == ise::time_point::max());
 }
@@ -381,9 +381,9 @@ TEST_CASE(
     for (int i = 0; i < 3; ++i) {
         auto sent = it.due();
         REQUIRE(sent);
-        auto told = parse_telecommand(sent->raw).value();
-        CHECK(told.clock_of == (i == 0 ? 0 : 9));
-        if (i > 0) CHECK(told.sent_at <= it.wall - 4min);
+        auto parsed = parse_telecommand(sent->raw).value();
+        CHECK(parsed.clock_of == (i == 0 ? 0 : 9));
+        if (i > 0) CHECK(parsed.sent_at <= it.wall - 4min);
         it.outcome(5, link_outcome::kind::delivered);
         it.pass(1s);
         CHECK(expired());

@@ -56,10 +56,10 @@ struct guarded_boat {
             now += 1s;
             boat.advance(now);
             for (auto& raw : boat.take_packets(link_id::xbee)) {
-                auto told = parse_telemetry(raw);
-                if (!told) continue;
-                if (const auto* n = std::get_if<navigation>(&told->body)) last = *n;
-                if (const auto* text = std::get_if<notice>(&told->body)) notices.push_back(text->text);
+                auto parsed = parse_telemetry(raw);
+                if (!parsed) continue;
+                if (const auto* n = std::get_if<navigation>(&parsed->body)) last = *n;
+                if (const auto* text = std::get_if<notice>(&parsed->body)) notices.push_back(text->text);
             }
             nearest_m = std::min(nearest_m, clearance());
         }

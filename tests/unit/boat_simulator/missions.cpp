@@ -59,9 +59,9 @@ TEST_CASE("missions: the checksum is CRC-32 of the places on air, the same befor
     for (const auto& raw : upload(boat, after)) CHECK(tell(boat, raw) == ack_code::done);
     CHECK(is(boat.pilot().list(), after));
     CHECK(boat.pilot().active() == 0);
-    auto told = parse_telecommand(packet(boat, commands::mission_stage{0, {28.16, -15.452}})).value();
+    auto parsed = parse_telecommand(packet(boat, commands::mission_stage{0, {28.16, -15.452}})).value();
     const waypoint sent[] = {{28.16, -15.452}};
-    const waypoint came[] = {told.command.get_if<commands::mission_stage>()->point};
+    const waypoint came[] = {parsed.command.get_if<commands::mission_stage>()->point};
     CHECK(mission_checksum(sent) == mission_checksum(came));
     // zlib.crc32(struct.pack("<ii", 281600000, -154520000))
     CHECK(mission_checksum(sent) == 0x25E0DBD7u);

@@ -191,7 +191,7 @@ result sail(std::uint64_t seed, bool checks) {
                     auto ack = parse_acknowledgement(raw).value();
                     if (ack.code == ack_code::expired) ++made.answered_expired;
                     tracker.on_acknowledgement(at, ack);
-                } else if (auto told = parse_telemetry(raw)) tracker.on_heard(at, told->header);
+                } else if (auto parsed = parse_telemetry(raw)) tracker.on_heard(at, parsed->header);
             }
             (void)tracker.take_changes();
         }

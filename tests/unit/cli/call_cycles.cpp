@@ -39,7 +39,7 @@ surveyed component(const std::string& path) {
 
 void awaits(surveyed& at, const std::string& handler, std::uint64_t caller_id, const std::string& provider,
             const std::string& service, std::uint64_t id) {
-    ise::awaited_call_text made;
+    ise::awaited_call_info made;
     made.handler = handler;
     made.caller = "x (tcp://1)";
     made.caller_id = caller_id;
@@ -52,7 +52,7 @@ void awaits(surveyed& at, const std::string& handler, std::uint64_t caller_id, c
 }
 
 void serves(surveyed& at, const std::string& service, const std::string& caller, std::uint64_t id, bool running) {
-    ise::served_call_text made;
+    ise::served_call_info made;
     made.service = service;
     made.caller = caller;
     made.id = id;

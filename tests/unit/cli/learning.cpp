@@ -24,8 +24,8 @@ surveyed known(const std::string& path, std::uint64_t process) {
     return made;
 }
 
-ise::session_text session(const std::string& peer, const std::string& who, std::vector<std::string> uses = {}) {
-    ise::session_text made;
+ise::session_info session(const std::string& peer, const std::string& who, std::vector<std::string> uses = {}) {
+    ise::session_info made;
     made.peer = peer;
     made.who = who;
     made.uses = std::move(uses);
@@ -33,7 +33,7 @@ ise::session_text session(const std::string& peer, const std::string& who, std::
 }
 
 void provides(surveyed& who, const std::string& name, ise::service_kind kind, std::uint64_t calls = 0) {
-    ise::service_text made;
+    ise::service_info made;
     made.name = name;
     made.kind = static_cast<std::uint8_t>(kind);
     who.about->services.push_back(made);

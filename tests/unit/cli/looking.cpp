@@ -38,8 +38,8 @@ surveyed well(const std::string& path, const std::string& host = "shore") {
     return made;
 }
 
-ise::session_text with(const std::string& peer, std::uint64_t in = 0, std::uint64_t out = 0) {
-    ise::session_text made;
+ise::session_info with(const std::string& peer, std::uint64_t in = 0, std::uint64_t out = 0) {
+    ise::session_info made;
     made.peer = peer;
     made.bytes_in = in;
     made.bytes_out = out;
@@ -47,8 +47,8 @@ ise::session_text with(const std::string& peer, std::uint64_t in = 0, std::uint6
 }
 
 template <class Contract>
-ise::service_text service(const Contract& of, bool provided) {
-    ise::service_text made;
+ise::service_info service(const Contract& of, bool provided) {
+    ise::service_info made;
     made.name = of.name();
     made.kind = static_cast<std::uint8_t>(Contract::types().kind);
     made.provided = provided;
@@ -167,12 +167,12 @@ TEST_CASE("what a component warns of is a warning of the doctor, with the advice
 
 TEST_CASE("who waits for longer than what is logged is a warning, which says for what and since when") {
     auto one = well("a");
-    ise::wait_text wait;
+    ise::wait_info wait;
     wait.target = "b";
     wait.service = "steer";
     wait.since = ise::wall_time(1'777'636'803s); // 2026-05-01T12:00:03Z
     wait.waited = ise::use_book::patience - 1ns;
-    auto told = [&](const std::string& stage) {
+    auto result = [&](const std::string& stage) {
         wait.stage = stage;
         one.about->waits = {wait};
         auto seen = examine({}, {one}, 1s, "shore");
@@ -187,13 +187,13 @@ TEST_CASE("who waits for longer than what is logged is a warning, which says for
     CHECK(kinds(examine({}, {one}, 1s, "shore")) == list{"waits"});
     wait.waited = 12s;
     wait.cause = "no component is registered as 'b'";
-    CHECK(told("name") == "it waits for 'steer' of b, which is not found, since 2026-05-01T12:00:03Z (12 s): no "
-                          "component is registered as 'b'");
-    CHECK_THAT(told("provider"), Contains("with which there is no session"));
-    CHECK_THAT(told("unreached"), Contains("its last call of 'steer' of b reached no provider"));
+    CHECK(result("name") == "it waits for 'steer' of b, which is not found, since 2026-05-01T12:00:03Z (12 s): no "
+                            "component is registered as 'b'");
+    CHECK_THAT(result("provider"), Contains("with which there is no session"));
+    CHECK_THAT(result("unreached"), Contains("its last call of 'steer' of b reached no provider"));
     wait.service.clear();
     wait.cause.clear();
-    CHECK(told("name") == "it waits for b since 2026-05-01T12:00:03Z (12 s)");
+    CHECK(result("name") == "it waits for b since 2026-05-01T12:00:03Z (12 s)");
 }
 
 TEST_CASE("what grows between two looks is a warning, what has happened before a note") {

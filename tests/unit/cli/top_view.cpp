@@ -40,8 +40,8 @@ surveyed component(const std::string& path, std::uint64_t calls, ise::time_point
     return made;
 }
 
-ise::service_text service(const std::string& name, bool provided) {
-    ise::service_text made;
+ise::service_info service(const std::string& name, bool provided) {
+    ise::service_info made;
     made.name = name;
     made.provided = provided;
     return made;

@@ -78,11 +78,11 @@ TEST_CASE("command desk: the best link that is alive gets a telecommand, and its
     CHECK(it.status(5).link == gprs);
     CHECK(it.status(5).attempts == 1);
     CHECK(it.desk.open_count() == 0);
-    auto told = it.desk.take_changes();
-    REQUIRE(told.size() == 3);
-    CHECK_THAT(told[0].status.text, Contains("given to gprs"));
-    CHECK(told[2].status.asked_by == "ana");
-    CHECK(told[2].status.at > told[1].status.at); // in order even within one millisecond
+    auto result = it.desk.take_changes();
+    REQUIRE(result.size() == 3);
+    CHECK_THAT(result[0].status.text, Contains("given to gprs"));
+    CHECK(result[2].status.asked_by == "ana");
+    CHECK(result[2].status.at > result[1].status.at); // in order even within one millisecond
 }
 
 TEST_CASE(
@@ -251,10 +251,10 @@ TEST_CASE("command desk: the boat's refusal for want of authority tells its epoc
     no.result = ack_code::no_authority;
     no.boat_obeys = 16'777'217; // 2^24 + 1: no float holds it
     it.desk.on_status(it.wall, xbee, no);
-    auto told = it.desk.take_boat_epochs();
-    REQUIRE(told.size() == 1);
-    CHECK(told[0].sent_under == 4);
-    CHECK(told[0].obeyed == 16'777'217);
+    auto outcome = it.desk.take_boat_epochs();
+    REQUIRE(outcome.size() == 1);
+    CHECK(outcome[0].sent_under == 4);
+    CHECK(outcome[0].obeyed == 16'777'217);
     CHECK(it.desk.take_boat_epochs().empty());
     CHECK(it.status(5).result == ack_code::no_authority);
 }

@@ -94,9 +94,9 @@ TEST_CASE("node store: a store that went back gets everything again and sends ev
     // Whoever followed the lost life to its end hears of what is new.
     track_request request;
     request.seen[101] = 8;
-    auto told = sequences(a.track(request, a.head()).value().packets);
-    CHECK(std::ranges::count(told, 3u) == 0);
-    CHECK(std::ranges::count(told, 22u) == 1);
+    auto result = sequences(a.track(request, a.head()).value().packets);
+    CHECK(std::ranges::count(result, 3u) == 0);
+    CHECK(std::ranges::count(result, 22u) == 1);
 }
 
 TEST_CASE("node store: a position beyond its head is not believed") {

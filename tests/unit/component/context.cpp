@@ -32,15 +32,15 @@ TEST_CASE("a handler knows its service, its caller and its deadline, coroutine o
     auto plain = GENERATE(true, false);
     fleet all;
     all.start("boat", "boat", [&](component& self) -> task<> {
-        auto told = [&self](const ise::call_context& context) {
+        auto result = [&self](const ise::call_context& context) {
             bool in_time = context.deadline - self.now() <= 5s && context.deadline > self.now();
             return fmt::format("{} for {}{}", context.service, context.caller, in_time ? "" : ", without a deadline");
         };
         if (plain) {
-            self.provide(echo, [told](question, const ise::call_context& context) { return reply{told(context)}; });
+            self.provide(echo, [result](question, const ise::call_context& context) { return reply{result(context)}; });
         } else {
-            self.provide(echo, [told](question, const ise::call_context& context) -> task<reply> {
-                co_return reply{told(context)};
+            self.provide(echo, [result](question, const ise::call_context& context) -> task<reply> {
+                co_return reply{result(context)};
             });
         }
         co_return;

@@ -105,8 +105,8 @@ TEST_CASE("a component runs on the io_context of the program") {
         options.one_thread = true;
         auto& provider = here.node.start<beacon>("beacon", options);
         std::string answer;
-        auto main = [](component& self, ise::endpoint where, ise::node& node, std::string& told) -> task<> {
-            told = co_await ask(self, where);
+        auto main = [](component& self, ise::endpoint where, ise::node& node, std::string& message) -> task<> {
+            message = co_await ask(self, where);
             node.stop();
             co_await node.stopped();
         };
@@ -213,8 +213,8 @@ TEST_CASE("a thread waits for what a component does") {
     }
     SECTION("and is let go when the component stops meanwhile") {
         std::promise<void> waiting;
-        auto forever = [](component& self, std::promise<void>& told) -> task<> {
-            told.set_value();
+        auto forever = [](component& self, std::promise<void>& result) -> task<> {
+            result.set_value();
             co_await self.sleep(1h);
         };
         auto waiter =

@@ -49,9 +49,9 @@ void stop(ise::node& node) {
 }
 
 // The components of a node whose environment says for how long to poll.
-ise::errc made_with(const std::string& told) {
+ise::errc made_with(const std::string& message) {
     fleet at;
-    at.process("shore").set_variable("ISE_POLL_US", told);
+    at.process("shore").set_variable("ISE_POLL_US", message);
     return code_of([&] { at.node("shore"); });
 }
 

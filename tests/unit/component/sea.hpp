@@ -120,21 +120,21 @@ public:
             bool over = false;
             std::exception_ptr thrown;
         };
-        auto told = std::make_shared<outcome>();
+        auto result = std::make_shared<outcome>();
         ise::component_options quiet;
         quiet.listens = false;
-        auto wrapped = [told, body = std::move(body)](ise::component& self) -> task<> {
+        auto wrapped = [result, body = std::move(body)](ise::component& self) -> task<> {
             try {
                 co_await body(self);
             } catch (...) {
-                told->thrown = std::current_exception();
+                result->thrown = std::current_exception();
             }
-            told->over = true;
+            result->over = true;
         };
         node(host).start("", wrapped, quiet);
-        bool over = world.run_until([&] { return told->over; }, 1h);
+        bool over = world.run_until([&] { return result->over; }, 1h);
         REQUIRE(over);
-        if (told->thrown) std::rethrow_exception(told->thrown);
+        if (result->thrown) std::rethrow_exception(result->thrown);
     }
 
     bool stop(const std::string& host) {

@@ -92,13 +92,13 @@ TEST_CASE("components that share a loop are shown as stalled together, and go on
     ise::real_environment env;
     ise::node node(env, options_with([&](const ise::log_record& record) {
                        auto line = ise::format_line(record);
-                       auto told = [&](const char* what, const char* which) {
+                       auto result = [&](const char* what, const char* which) {
                            return line.find(what) != std::string::npos && line.find(which) != std::string::npos;
                        };
-                       if (told("is stalled", "crew/first")) first.open();
-                       if (told("is stalled", "crew/second")) second.open();
-                       if (told("goes on", "crew/first")) first_goes_on.open();
-                       if (told("goes on", "crew/second")) second_goes_on.open();
+                       if (result("is stalled", "crew/first")) first.open();
+                       if (result("is stalled", "crew/second")) second.open();
+                       if (result("goes on", "crew/first")) first_goes_on.open();
+                       if (result("goes on", "crew/second")) second_goes_on.open();
                    }));
     auto& blocks = node.start<beacon>("crew/first");
     ise::component_options beside;

@@ -14,7 +14,7 @@ namespace {
 
 class slow_starter : public component {
 public:
-    explicit slow_starter(int& told) : told_(told) { announce_when_ready(); }
+    explicit slow_starter(int& count) : told_(count) { announce_when_ready(); }
 
 private:
     task<> run() override {
@@ -48,13 +48,13 @@ TEST_CASE("a component is ready at its first suspension, and stopped when it was
 
 TEST_CASE("a component that announces itself is starting until it says that it is ready, to all who wait") {
     fleet all;
-    int told = 0;
-    auto& boat = all.node("boat").start<slow_starter>("boat", all.listening("boat"), told);
+    int count = 0;
+    auto& boat = all.node("boat").start<slow_starter>("boat", all.listening("boat"), count);
     all.world.run_for(9s);
     CHECK(boat.state() == component_state::starting);
     all.world.run_for(5s);
     CHECK(boat.state() == component_state::ready);
-    CHECK(told == 4);
+    CHECK(count == 4);
 }
 
 TEST_CASE("a component that takes its time is stopping meanwhile") {
@@ -83,7 +83,7 @@ TEST_CASE("a component that takes its time is stopping meanwhile") {
 
 TEST_CASE("whoever awaits the end of a node goes on when its last component has stopped") {
     fleet all;
-    bool told = false;
+    bool reported = false;
     all.start(
         "boat", "one", [](component& self) -> task<> { co_await self.sleep(1h); }, 7001);
     all.start(
@@ -92,30 +92,30 @@ TEST_CASE("whoever awaits the end of a node goes on when its last component has 
         co_await whose.stopped();
         done = true;
     };
-    ise::async_run(all.world.context().get_executor(), wait(all.node("boat"), told), asio::detached);
+    ise::async_run(all.world.context().get_executor(), wait(all.node("boat"), reported), asio::detached);
     all.world.run_for(1s);
     all.node("boat").stop("one");
     all.world.run_for(10s);
     CHECK(all.state("boat", "one") == component_state::stopped);
     CHECK(all.state("boat", "two") == component_state::ready);
-    CHECK(!told);
+    CHECK(!reported);
     all.node("boat").stop("two");
-    CHECK(all.world.run_until([&] { return told; }, 1min));
+    CHECK(all.world.run_until([&] { return reported; }, 1min));
 }
 
 TEST_CASE("a variable that is no endpoint is named by the node that reads it") {
     fleet all;
     auto& process = all.process("boat");
     process.set_variable("ISE_NAME_SERVER", "127.0.0.1:7400");
-    std::string told;
+    std::string message;
     try {
         ise::node node(process);
     } catch (const ise::error& thrown) {
         CHECK(thrown.code() == ise::errc::invalid_argument);
-        told = thrown.what();
+        message = thrown.what();
     }
-    CHECK(told.find("ISE_NAME_SERVER") != std::string::npos);
-    CHECK(told.find("tcp://127.0.0.1:7400") != std::string::npos); // how it is written
+    CHECK(message.find("ISE_NAME_SERVER") != std::string::npos);
+    CHECK(message.find("tcp://127.0.0.1:7400") != std::string::npos); // how it is written
 }
 
 TEST_CASE("who starts a component without a name server is told what is missing") {

@@ -39,7 +39,7 @@ ise::component_info asked(fleet& all, const std::string& host) {
     return text;
 }
 
-const ise::session_text* session_with(const ise::component_info& text, const std::string& path) {
+const ise::session_info* session_with(const ise::component_info& text, const std::string& path) {
     for (const auto& one : text.sessions)
         if (one.peer.starts_with(path + " ")) return &one;
     return nullptr;

@@ -78,10 +78,10 @@ TEST_CASE("pseudo-terminal: its link goes with it, and the port's reader learns 
     made->far_end.reset();
     CHECK_FALSE(std::filesystem::is_symlink(room.link()));
     bool gone = false;
-    auto read = [](ise::stream& at, bool& told) -> ise::task<> {
+    auto read = [](ise::stream& at, bool& result) -> ise::task<> {
         std::array<char, 64> buffer;
         auto moved = co_await at.read_some(asio::buffer(buffer));
-        told = static_cast<bool>(moved.problem);
+        result = static_cast<bool>(moved.problem);
     };
     ise::async_run(room.context.get_executor(), read(**port, gone), asio::detached);
     room.context.run();

@@ -28,10 +28,10 @@ public:
     }
     /// What it describes; there must be no problem.
     deployment made(const settings& given = {}) const {
-        auto told = read(given);
-        for (const auto& one : told.problems) UNSCOPED_INFO(one.text());
-        REQUIRE(told.problems.empty());
-        return std::move(told.made);
+        auto parsed = read(given);
+        for (const auto& one : parsed.problems) UNSCOPED_INFO(one.text());
+        REQUIRE(parsed.problems.empty());
+        return std::move(parsed.made);
     }
     /// All that is wrong, a line each.
     std::string wrong(const settings& given = {}) const {

@@ -170,16 +170,16 @@ TEST_CASE("limits and probes are read, and told with their place where they are 
     auto sea = at_sea("[components.a]\ntype='t'\nhost='boat'\nlimits={pids=64, memory='256 MiB', "
                       "cpus=0.5}\nprobe={url='http://127.0.0.1:8080/', every='5s', failures=2}\n"
                       "[components.b]\ntype='t'\nhost='boat'\nprobe='tcp://127.0.0.1:80'\n");
-    auto told = sea.read();
+    auto result = sea.read();
     INFO(sea.wrong());
-    REQUIRE(told.problems.empty());
-    const auto& one = told.made.components[0].request;
+    REQUIRE(result.problems.empty());
+    const auto& one = result.made.components[0].request;
     CHECK(one.limits == ise::instantiation::resource_limits{64, 256 << 20, 0.5});
     CHECK(one.terms.probe == "http://127.0.0.1:8080/");
     CHECK(one.terms.probe_every == 5s);
     CHECK(one.terms.probe_failures == 2);
-    CHECK(told.made.components[1].request.terms.probe == "tcp://127.0.0.1:80");
-    CHECK(told.made.components[1].request.limits == ise::instantiation::resource_limits());
+    CHECK(result.made.components[1].request.terms.probe == "tcp://127.0.0.1:80");
+    CHECK(result.made.components[1].request.limits == ise::instantiation::resource_limits());
     auto wrong = at_sea("[components.a]\ntype='t'\nhost='boat'\nlimits={pids=0, disk=5}\nprobe={every='5s'}\n").wrong();
     CHECK_THAT(wrong,
                Contains("the limit pids is a number of processes and threads from 1 to 32768, such as 64, not '0'"));
@@ -208,12 +208,12 @@ TEST_CASE("a variable that there is not is one mistake") {
                       "x-${none}'\nrestart='${none}'\ngrace='${none}'\nroles={b='${none}'}\n"
                       "parameters={speed='${none}', mark=['${none}']}\n[variables]\ntype='t'\n")
                    .wrong();
-    std::size_t lines = 0, told = 0;
+    std::size_t lines = 0, found = 0;
     for (std::size_t at = 0; (at = all.find('\n', at)) != all.npos; ++at) ++lines;
-    for (std::size_t at = 0; (at = all.find("there is no variable", at)) != all.npos; ++at) ++told;
+    for (std::size_t at = 0; (at = all.find("there is no variable", at)) != all.npos; ++at) ++found;
     INFO(all);
-    CHECK(told == 10);
-    CHECK(lines == told);
+    CHECK(found == 10);
+    CHECK(lines == found);
 }
 
 TEST_CASE("wrong kinds are told as such") {

@@ -131,12 +131,12 @@ TEST_CASE("the wind blows where the frame's x axis points") {
     here.take(sail::at(28.15, -15.45));
     wind from_north;
     from_north.true_direction_deg = 0;
-    auto told = here.take(from_north);
-    fields rotation(fields(told.at(2)).texts.at(5));
+    auto result = here.take(from_north);
+    fields rotation(fields(result.at(2)).texts.at(5));
     // To the south: x turned by -90° (or 270°) about z.
     auto z = rotation.doubles.at(3), w = rotation.doubles.at(4);
     CHECK(2 * std::atan2(z, w) * 180 / std::numbers::pi == Approx(270).margin(1e-6));
-    CHECK(told.contains(6));
+    CHECK(result.contains(6));
 }
 
 TEST_CASE("a report that cannot be read is left out") {

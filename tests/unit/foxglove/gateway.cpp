@@ -43,16 +43,16 @@ struct watching {
     void say(const json& what) { line.send(opcode::text, what.dump()); }
     void read() {
         for (; texts < line.texts.size(); ++texts) {
-            auto told = json::parse(line.texts[texts]);
-            auto op = told["op"].get<std::string>();
+            auto parsed = json::parse(line.texts[texts]);
+            auto op = parsed["op"].get<std::string>();
             if (op == "advertise")
-                for (const auto& one : told["channels"]) channels[one["topic"]] = one;
+                for (const auto& one : parsed["channels"]) channels[one["topic"]] = one;
             if (op == "unadvertise")
-                for (const auto& id : told["channelIds"])
+                for (const auto& id : parsed["channelIds"])
                     std::erase_if(channels, [&](const auto& one) { return one.second["id"] == id; });
             if (op == "advertiseServices")
-                for (const auto& one : told["services"]) services[one["name"]] = one;
-            all.push_back(std::move(told));
+                for (const auto& one : parsed["services"]) services[one["name"]] = one;
+            all.push_back(std::move(parsed));
         }
     }
     bool has_channel(const std::string& topic) {
@@ -103,14 +103,14 @@ struct coast {
         REQUIRE(until([&] { return who.data().size() > 5; }));
     }
     gateway_status status() {
-        std::optional<gateway_status> told;
+        std::optional<gateway_status> result;
         in.start_body("office", "asks" + std::to_string(++asked), [&](ise::component& self) -> ise::task<> {
             auto gate = co_await self.find("atirma/foxglove");
             status_request request;
-            told = co_await gate.call(status_service, request);
+            result = co_await gate.call(status_service, request);
         });
-        REQUIRE(until([&] { return told.has_value(); }));
-        return *told;
+        REQUIRE(until([&] { return result.has_value(); }));
+        return *result;
     }
 
     names_test::system in;
@@ -213,8 +213,8 @@ TEST_CASE("after an outage between gateway and viewer no flood of old messages f
     CHECK(first_new - all.begin() - static_cast<std::ptrdiff_t>(before) == old); // and they come first
     CHECK(here.status().skipped > 200);
     REQUIRE(here.until([&] {
-        auto told = viewer.find("status");
-        return told && (*told)["message"].get<std::string>().find("skipped") != std::string::npos;
+        auto info = viewer.find("status");
+        return info && (*info)["message"].get<std::string>().find("skipped") != std::string::npos;
     }));
 }
 
@@ -317,7 +317,7 @@ TEST_CASE("the connection graph is told, and what changes in it") {
     });
     REQUIRE(here.until([&] { return viewer.has_channel("atirma/boat/count"); }));
     viewer.say({{"op", "subscribeConnectionGraph"}});
-    auto told = [&](const json& wanted, const char* where) {
+    auto result = [&](const json& wanted, const char* where) {
         viewer.read();
         return std::ranges::any_of(viewer.all, [&](const auto& one) {
             if (one["op"] != "connectionGraphUpdate") return false;
@@ -329,12 +329,12 @@ TEST_CASE("the connection graph is told, and what changes in it") {
     const json subscribed = {{"name", "atirma/boat/count"}, {"subscriberIds", {"test/listens"}}};
     const json provided = {{"name", "atirma/boat/twice"}, {"providerIds", {"atirma/boat"}}};
     REQUIRE(here.until([&] {
-        return told(published, "publishedTopics") && told(subscribed, "subscribedTopics") &&
-               told(provided, "advertisedServices");
+        return result(published, "publishedTopics") && result(subscribed, "subscribedTopics") &&
+               result(provided, "advertisedServices");
     }));
     here.boat->crash();
-    REQUIRE(here.until([&] { return told("atirma/boat/count", "removedTopics"); }));
-    CHECK(told("atirma/boat/twice", "removedServices"));
+    REQUIRE(here.until([&] { return result("atirma/boat/count", "removedTopics"); }));
+    CHECK(result("atirma/boat/twice", "removedServices"));
 }
 
 TEST_CASE("the number of viewers is bounded, and pages of others are refused") {

@@ -137,10 +137,10 @@ TEST_CASE("changes of the graph name what came and what went") {
     before.services["a/s"] = {"a"};
     now.published["a/y"] = {"a"};
     now.subscribed["a/y"] = {"b"};
-    auto told = json::parse(write_graph_change(before, now));
-    CHECK(told["removedTopics"] == json::array({"a/x"}));
-    CHECK(told["removedServices"] == json::array({"a/s"}));
-    CHECK(told["subscribedTopics"][0]["subscriberIds"] == json::array({"b"}));
+    auto parsed = json::parse(write_graph_change(before, now));
+    CHECK(parsed["removedTopics"] == json::array({"a/x"}));
+    CHECK(parsed["removedServices"] == json::array({"a/s"}));
+    CHECK(parsed["subscribedTopics"][0]["subscriberIds"] == json::array({"b"}));
     CHECK(write_graph_change(now, now).empty());
 }
 

@@ -29,9 +29,9 @@ std::vector<line> examples() {
     data.unix_s = 1'500'000'000;
     data.history = true;
     data.raw = ise::bytes(max_packet_size, std::byte{0xA5});
-    order told;
-    told.id = 99;
-    told.raw = ise::bytes(3, std::byte{7});
+    order result;
+    result.id = 99;
+    result.raw = ise::bytes(3, std::byte{7});
     outcome brief, whole;
     brief.id = whole.id = 99;
     brief.code = 2;
@@ -40,7 +40,7 @@ std::vector<line> examples() {
             login{"x", 0, 1, 0},
             data,
             receipt{17, 8},
-            told,
+            result,
             brief,
             whole,
             challenge{0x0123456789ABCDEF, 1},
@@ -167,7 +167,7 @@ TEST_CASE("gprs: lines are the same in pieces of any size") {
 
 TEST_CASE("gprs: a line without end costs a bounded amount of memory, is told once, and what follows is read") {
     line_reader reader;
-    int told = 0;
+    int count = 0;
     for (int i = 0; i < 1000; ++i) {
         reader.push(ise::as_bytes(std::string(100, 'z')));
         for (;;) {
@@ -175,11 +175,11 @@ TEST_CASE("gprs: a line without end costs a bounded amount of memory, is told on
             if (!one) break;
             REQUIRE_FALSE(*one);
             CHECK(one->error().code() == ise::errc::too_large);
-            ++told;
+            ++count;
         }
         REQUIRE(reader.held() <= max_line + 101);
     }
-    CHECK(told == 1);
+    CHECK(count == 1);
     reader.push(ise::as_bytes("zzz\r\n" + encode(receipt{1, 2})));
     auto after = reader.next();
     REQUIRE(after);

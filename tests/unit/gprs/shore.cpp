@@ -52,8 +52,8 @@ struct coast {
     std::string key(std::uint16_t port) const {
         for (const auto& sent : all<send_text>())
             if (sent.to == address(port))
-                for (const auto& told : gprs_test::lines_of(sent.text))
-                    if (const auto* asked = std::get_if<challenge>(&told)) return encode(shown_key{asked->key});
+                for (const auto& result : gprs_test::lines_of(sent.text))
+                    if (const auto* asked = std::get_if<challenge>(&result)) return encode(shown_key{asked->key});
         return {};
     }
     /// As the boat does it: asks for the key, then shows it with all that it says.
@@ -77,8 +77,8 @@ struct coast {
     std::optional<std::uint32_t> acknowledged() const {
         std::optional<std::uint32_t> last;
         for (const auto& sent : all<send_text>())
-            for (const auto& told : gprs_test::lines_of(sent.text))
-                if (const auto* ack = std::get_if<receipt>(&told)) last = ack->number;
+            for (const auto& result : gprs_test::lines_of(sent.text))
+                if (const auto* ack = std::get_if<receipt>(&result)) last = ack->number;
         return last;
     }
     void safe_all() {

@@ -131,9 +131,9 @@ public:
                 if (text.empty()) break;
                 carry(std::move(text), true);
             }
-            while (auto told = boat->take_order()) {
-                orders.push_back(*told);
-                boat->put(ack_of(told->id));
+            while (auto result = boat->take_order()) {
+                orders.push_back(*result);
+                boat->put(ack_of(result->id));
                 more = true;
             }
             if (auto why = boat->trouble(now); why && open_) {
@@ -234,8 +234,8 @@ private:
                 auto all = std::exchange(unsafe, {});
                 for (const auto& [life, number] : all) shore.safe(life, {number});
             }
-        } else if (const auto* told = std::get_if<outcome_came>(&event)) {
-            outcomes.push_back(told->what);
+        } else if (const auto* result = std::get_if<outcome_came>(&event)) {
+            outcomes.push_back(result->what);
         } else if (const auto* said = std::get_if<remark>(&event)) {
             remarks.push_back(said->text);
         }

@@ -223,21 +223,21 @@ TEST_CASE("gprs boat: a datagram without its key forgets no packet, brings no te
     it.said();
     it.hear(challenge{99, 8});
     it.said();
-    order told;
-    told.id = 77;
-    told.raw = ise::bytes(20, std::byte{1});
+    order result;
+    result.id = 77;
+    result.raw = ise::bytes(20, std::byte{1});
     for (int i = 0; i < 20; ++i) {
         it.hear(receipt{5, 1});
-        it.hear(told);
+        it.hear(result);
         it.hear_with(7, receipt{5, 1});
-        it.hear_with(7, told);
+        it.hear_with(7, result);
     }
     CHECK(it.link.waiting() == 1);
     CHECK_FALSE(it.link.take_order());
     CHECK_FALSE(it.link.answered());
     CHECK_FALSE(it.link.trouble(it.now));
     it.hear_with(8, receipt{5, 1});
-    it.hear_with(8, told);
+    it.hear_with(8, result);
     CHECK(it.link.waiting() == 0);
     CHECK(it.link.take_order());
 }
@@ -246,13 +246,13 @@ TEST_CASE("gprs boat: a telecommand is taken, its acknowledgement goes back as i
     vessel it;
     it.link.opened(it.now);
     it.said();
-    order told;
-    told.id = 77;
-    told.raw = ise::bytes(20, std::byte{1});
-    it.hear(told);
+    order result;
+    result.id = 77;
+    result.raw = ise::bytes(20, std::byte{1});
+    it.hear(result);
     auto taken = it.link.take_order();
     REQUIRE(taken);
-    CHECK(*taken == told);
+    CHECK(*taken == result);
     CHECK_FALSE(it.link.take_order());
     it.link.put(gprs_test::ack_of(77));
     auto said = it.said();

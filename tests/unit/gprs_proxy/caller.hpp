@@ -39,7 +39,7 @@ private:
         options.security = services().peers().credentials();
         options.link.id = log_.id;
         port_ = std::make_unique<atirma::gprs::uplink_port>(on(), log(), options, log_.boot);
-        port_->on_order = [this](const atirma::gprs::order& told) { hear(told); };
+        port_->on_order = [this](const atirma::gprs::order& result) { hear(result); };
         spawn("uplink", port_->run());
         for (std::uint32_t next = 1;;) {
             if (next <= log_.fixes) port_->put(fix(log_.measured = next++, log_.boot));
@@ -49,11 +49,11 @@ private:
             co_await sleep(pause);
         }
     }
-    void hear(const atirma::gprs::order& told) {
-        log_.heard.push_back(told.id);
-        if (std::find(log_.executed.begin(), log_.executed.end(), told.id) == log_.executed.end())
-            log_.executed.push_back(told.id);
-        auto command = atirma::parse_telecommand(told.raw).value();
+    void hear(const atirma::gprs::order& result) {
+        log_.heard.push_back(result.id);
+        if (std::find(log_.executed.begin(), log_.executed.end(), result.id) == log_.executed.end())
+            log_.executed.push_back(result.id);
+        auto command = atirma::parse_telecommand(result.raw).value();
         atirma::acknowledgement ack;
         ack.header.boot = log_.boot;
         ack.id = command.id;

@@ -20,7 +20,7 @@ using gprs_test::quay;
 TEST_CASE("gprs link: an address ends five minutes after its last datagram, one that is used stays, and one that comes "
           "back is carried") {
     ise::sim::world world(1);
-    std::optional<carrier_state> told;
+    std::optional<carrier_state> result;
     std::vector<std::string> heard; // ashore
     world.host("shore").start_process("shore", [&](ise::sim::process& here) -> std::shared_ptr<void> {
         auto node = std::make_shared<ise::node>(here, quay::quiet());
@@ -54,7 +54,7 @@ TEST_CASE("gprs link: an address ends five minutes after its last datagram, one 
             "",
             [&](ise::component& self) -> ise::task<> {
                 self.listen(self.at(ise::endpoint::parse("tcp://carrier:7411").value()), services::carrier,
-                            [&](const carrier_state& state) { told = state; });
+                            [&](const carrier_state& state) { result = state; });
                 std::vector<std::unique_ptr<ise::datagram_socket>> calls;
                 ise::endpoint any{ise::protocol::udp, "0.0.0.0", 0, {}};
                 auto to = ise::endpoint::parse("udp://carrier:7420").value();
@@ -74,18 +74,18 @@ TEST_CASE("gprs link: an address ends five minutes after its last datagram, one 
         return node;
     });
     world.run_for(1min);
-    REQUIRE(told);
-    CHECK(told->connections == 10);
+    REQUIRE(result);
+    CHECK(result->connections == 10);
     world.run_for(6min);
-    CHECK(told->connections == 1);
+    CHECK(result->connections == 1);
     world.run_for(12min);
-    CHECK(told->connections == 1);
+    CHECK(result->connections == 1);
     world.run_for(2min);
-    CHECK(told->connections == 2);
+    CHECK(result->connections == 2);
     CHECK(std::count(heard.begin(), heard.end(), "hello") == 10 + 20);
     CHECK(std::count(heard.begin(), heard.end(), "again") == 1);
     world.run_for(10min);
-    CHECK(told->connections == 0);
+    CHECK(result->connections == 0);
 }
 
 } // namespace idle_addresses_test

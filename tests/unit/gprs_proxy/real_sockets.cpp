@@ -111,11 +111,11 @@ std::pair<std::string, std::string> refusal(const std::string& scheme, const std
     ise::real_environment env;
     std::promise<std::vector<ise::endpoint>> listening;
     std::promise<std::string> warned, at_sea;
-    std::atomic<bool> told = false, told_at_sea = false;
+    std::atomic<bool> result = false, told_at_sea = false;
     auto with_log = quiet(trusted().issue("shore").string());
     with_log.log = [&](const ise::log_record& record) {
         auto line = ise::format_line(record);
-        if (line.find("a login over tls is refused") != line.npos && !told.exchange(true)) warned.set_value(line);
+        if (line.find("a login over tls is refused") != line.npos && !result.exchange(true)) warned.set_value(line);
     };
     auto with_sea_log = quiet(tls);
     with_sea_log.log = [&](const ise::log_record& record) {

@@ -141,14 +141,14 @@ TEST_CASE(
     "console: packets of a link that cannot be kept call the operator, a boat that does not call there does not") {
     console_state state;
     state.on_link(gprs_path, true, "", t0);
-    gprs_state told;
-    told.trouble = "the boat has not called yet";
-    state.on_gprs(gprs_path, told, t0);
+    gprs_state result;
+    result.trouble = "the boat has not called yet";
+    state.on_gprs(gprs_path, result, t0);
     state.on_time(t0);
     CHECK_FALSE(find(state.view(t0)->alarms, "port:" + gprs_path));
-    told.connected = true;
-    told.trouble = "telemetry cannot be kept: the disk is full";
-    state.on_gprs(gprs_path, told, t0 + 1s);
+    result.connected = true;
+    result.trouble = "telemetry cannot be kept: the disk is full";
+    state.on_gprs(gprs_path, result, t0 + 1s);
     state.on_time(t0 + 1s);
     auto alarms = state.view(t0 + 1s)->alarms;
     REQUIRE(find(alarms, "port:" + gprs_path));

@@ -52,9 +52,9 @@ TEST_CASE("console: what the boat answers is the last word, also after its time 
 
 TEST_CASE("console: the log has the verified identity of who asked, where the node has verified one") {
     command_log log;
-    auto told = status(5, telecommand_stage::sent);
-    told.asked_as = "ise://atirma/operator/ana";
-    log.on_status(xbee_path, told, t0);
+    auto info = status(5, telecommand_stage::sent);
+    info.asked_as = "ise://atirma/operator/ana";
+    log.on_status(xbee_path, info, t0);
     CHECK(log.find(5)->asked_as == "ise://atirma/operator/ana");
     log.on_status(xbee_path, status(5, telecommand_stage::acknowledged, ack_code::done), t0 + 1s); // of the proxy
     CHECK(log.find(5)->asked_as == "ise://atirma/operator/ana");
@@ -88,10 +88,10 @@ TEST_CASE("console: the log is bounded and keeps what is still open") {
 TEST_CASE("console: a parameter is pending until the boat has answered, and says why it did not change") {
     console_state state;
     talker boat;
-    configuration told;
-    told.forbidden_angle_upwind_deg = 60;
-    told.telemetry_period_s = {2, 0, 0};
-    state.on_telemetry(xbee_path, boat.say(told, t0), t0);
+    configuration result;
+    result.forbidden_angle_upwind_deg = 60;
+    result.telemetry_period_s = {2, 0, 0};
+    state.on_telemetry(xbee_path, boat.say(result, t0), t0);
     auto upwind = [&] {
         return state.view(t0)->parameters[static_cast<std::size_t>(parameter_id::forbidden_angle_upwind)];
     };
@@ -235,16 +235,16 @@ TEST_CASE("console: a telecommand has its end, its execution, and says where the
     auto entry = [&] { return state.view(t0)->commands->front(); };
     CHECK(entry().valid_until == t0 + 60s);
     CHECK(entry().may_be_called_back());
-    auto told = status(5, telecommand_stage::sent);
-    told.valid_until = t0 + 58s; // as the node has it
-    state.on_status(xbee_path, told, t0 + 1s);
+    auto info = status(5, telecommand_stage::sent);
+    info.valid_until = t0 + 58s; // as the node has it
+    state.on_status(xbee_path, info, t0 + 1s);
     CHECK(entry().valid_until == t0 + 58s);
     CHECK_FALSE(entry().may_be_called_back());
     state.on_called_back(5, "it is on its way");
     CHECK(entry().called_back == "it is on its way");
-    told = status(5, telecommand_stage::acknowledged, ack_code::done, "hold");
-    told.executed_at = t0 + 30s;
-    state.on_status(xbee_path, told, t0 + 40s);
+    info = status(5, telecommand_stage::acknowledged, ack_code::done, "hold");
+    info.executed_at = t0 + 30s;
+    state.on_status(xbee_path, info, t0 + 40s);
     CHECK(entry().phase == command_phase::done);
     CHECK(entry().executed_at == t0 + 30s);
     state.on_status(xbee_path, status(6, telecommand_stage::acknowledged, ack_code::expired, "was valid until"), t0);

@@ -102,9 +102,9 @@ TEST_CASE("freshness: at each period of each link no report is missed in a day, 
             CAPTURE(name_of(link), period.count());
             watch boat(link, period);
             if (link != link_id::iridium) { // over Iridium the boat does not send it: the pace shows
-                configuration told;
-                told.telemetry_period_s.fill(static_cast<float>(period.count()));
-                boat.send(told, start, start + 1s);
+                configuration result;
+                result.telemetry_period_s.fill(static_cast<float>(period.count()));
+                boat.send(result, start, start + 1s);
             }
             auto last = start;
             int number = 0, wrong = 0;
@@ -136,9 +136,9 @@ TEST_CASE("freshness: limits by age are where they are written, and both sides s
     CHECK(console::judge(121, 60) == console::freshness::ageing);
     CHECK(console::judge(180, 60) == console::freshness::stale);
     track_state state;
-    configuration told;
-    told.telemetry_period_s = {60, 0, 600};
-    state.on_configuration(told);
+    configuration result;
+    result.telemetry_period_s = {60, 0, 600};
+    state.on_configuration(result);
     auto page = json::parse(state.newest_text(start, "x"))["state"]["freshness"];
     CHECK(page["xbee"] == json::parse(R"({"position":[120,180],"wind":[240,360],"power":[1200,1800]})"));
     CHECK(page["iridium"]["position"] == json::parse("[1200,1800]"));
@@ -156,16 +156,16 @@ TEST_CASE("freshness: the pace is what the boat tells, or what is seen") {
     CHECK(rhythm.position_s(link_id::iridium) == 600);
     rhythm.on_report(link_id::iridium, start); // an old one, of another link's store
     CHECK(rhythm.position_s(link_id::iridium) == 600);
-    configuration told;
-    told.telemetry_period_s = {2, 0, 60};
-    rhythm.on_configuration(told);
+    configuration result;
+    result.telemetry_period_s = {2, 0, 60};
+    rhythm.on_configuration(result);
     CHECK(rhythm.position_s(link_id::iridium) == 60);
     CHECK(rhythm.position_s(link_id::gprs) == 10); // off: as if nothing were known
     for (int i = 0; i < 5; ++i)
         rhythm.on_report(link_id::iridium, start + 10h + i * 1800s); // that was before it changed
     CHECK(rhythm.position_s(link_id::iridium) == 1800);
-    told.telemetry_period_s = {std::numeric_limits<float>::quiet_NaN(), -3, 60};
-    rhythm.on_configuration(told);
+    result.telemetry_period_s = {std::numeric_limits<float>::quiet_NaN(), -3, 60};
+    rhythm.on_configuration(result);
     CHECK(rhythm.position_s(link_id::xbee) == 2);
 }
 

@@ -313,11 +313,11 @@ TEST_CASE("authority: the request of a console that has gone goes, one of an ope
             std::string("atirma/console/") + name, "gui_client", "ready", "shore", 1, t0, true, self};
     };
     state.on_present({console("anna", true), console("ben", false)});
-    authority_state told;
-    told.epoch = 2;
-    told.holder = "atirma/console/anna";
-    told.asked_by = {"atirma/console/ben"};
-    state.on_authority(told, t0);
+    authority_state result;
+    result.epoch = 2;
+    result.holder = "atirma/console/anna";
+    result.asked_by = {"atirma/console/ben"};
+    state.on_authority(result, t0);
     state.on_time(t0);
     CHECK(state.view(t0)->authority.state.asked_by.size() == 1);
     CHECK(find(state.view(t0)->alarms, "authority:asked"));
@@ -325,13 +325,13 @@ TEST_CASE("authority: the request of a console that has gone goes, one of an ope
     state.on_time(t0 + 1s);
     CHECK(state.view(t0 + 1s)->authority.state.asked_by.empty());
     CHECK(find(state.view(t0 + 1s)->alarms, "authority:asked")->over_at);
-    told.asked_by = {"atirma/operators/cli"};
-    state.on_authority(told, t0 + 2s);
+    result.asked_by = {"atirma/operators/cli"};
+    state.on_authority(result, t0 + 2s);
     CHECK(state.view(t0 + 2s)->authority.state.asked_by.size() == 1);
     found.reached = false; // nobody knows who is there
     state.on_finding(found);
-    told.asked_by = {"atirma/console/ben"};
-    state.on_authority(told, t0 + 3s);
+    result.asked_by = {"atirma/console/ben"};
+    state.on_authority(result, t0 + 3s);
     CHECK(state.view(t0 + 3s)->authority.state.asked_by.size() == 1);
 }
 

@@ -64,9 +64,9 @@ TEST_CASE("hostile: replies that wait for a schema that never comes end the sess
     at.all.run(at.boat, ask(ise::remote(at.boat.services->link_back(over))));
     over.reset();
     REQUIRE(at.all.run_until([&] { return peer.count(frame_type::request) == calls; }));
-    ise::wire::provider_packets told;
-    told.fingerprints = {confirm.types().fingerprints[0], 4711};
-    peer.say(frame_type::answers, 0, told);
+    ise::wire::provider_packets outcome;
+    outcome.fingerprints = {confirm.types().fingerprints[0], 4711};
+    peer.say(frame_type::answers, 0, outcome);
     mode_set answer{true, std::string(size, 'x')};
     auto body = ise::encode(answer);
     std::vector<std::uint64_t> ids;

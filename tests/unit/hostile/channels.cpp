@@ -46,10 +46,10 @@ TEST_CASE("hostile: room that shrinks, or jumps beyond all bounds, changes what 
     ise::service_options options;
     options.session_bytes = 1 << 20;
     strait at(options);
-    ise::wire::introduction told;
-    told.service = "echo";
-    told.fingerprints = echo.types().fingerprints;
-    auto body = ise::encode(told);
+    ise::wire::introduction result;
+    result.service = "echo";
+    result.fingerprints = echo.types().fingerprints;
+    auto body = ise::encode(result);
     at.peer.say(frame_type::introduce, 0, body);
     blob little;
     little.content.resize(700);

@@ -38,7 +38,8 @@ struct grounds {
     std::string logged; ///< by a server that has `log`
     asio::io_context context;
     ise::real_environment env;
-    ise::logger log{env, "server", [this](const ise::log_record& told) { logged.append(told.message).append("\n"); }};
+    ise::logger log{env, "server",
+                    [this](const ise::log_record& result) { logged.append(result.message).append("\n"); }};
     std::unique_ptr<ise::loop_host> host = env.adopt(context.get_executor(), true);
     ise::task_scope scope{host->loop(), [](const std::string&, std::exception_ptr) {}};
 };

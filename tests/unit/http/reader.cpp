@@ -16,10 +16,10 @@ ise::result<std::size_t> feed(ise::http_reader& to, std::string_view text) { ret
 
 ise::errc refusal(std::string_view text, ise::http_reader_limits limits = {}) {
     ise::http_reader reader(ise::http_reader::reads::requests, limits);
-    auto told = feed(reader, text);
-    REQUIRE_FALSE(told);
+    auto outcome = feed(reader, text);
+    REQUIRE_FALSE(outcome);
     CHECK_FALSE(feed(reader, "GET / HTTP/1.1\r\n\r\n")); // of no more use
-    return told.error().code();
+    return outcome.error().code();
 }
 
 } // namespace

@@ -31,7 +31,7 @@ public:
     ise::sse_channel* events = nullptr;
     int snapshots = 0;
     std::size_t pieces = 3, written = 0; ///< of /long, of 64 KiB each
-    bool told = false;                   ///< all of it, or until the client left
+    bool answered = false;               ///< all of it, or until the client left
 
 private:
     ise::task<> run() override {
@@ -64,7 +64,7 @@ private:
             unsent = co_await to->write(piece);
             if (!unsent) ++written;
         }
-        told = true;
+        answered = true;
     }
     ise::http_limits limits_;
 };
@@ -281,7 +281,7 @@ TEST_CASE("http: a body that is made while it is sent comes whole, in chunks or 
     CHECK(received.find("Content-Length") == std::string::npos);
     CHECK(body.ends_with(ended));
     CHECK(body.size() == 3 * (64 * 1024 + (ends ? ends + 2 : 0)) + (ends ? 5 : 0));
-    CHECK(it.server->told);
+    CHECK(it.server->answered);
 }
 
 TEST_CASE("http: who reads no further holds a bounded part of a long body, and loses the connection") {
@@ -300,13 +300,13 @@ TEST_CASE("http: who reads no further holds a bounded part of a long body, and l
     SECTION("after the time for a piece") {
         it.world.run_for(1min);
         CHECK(it.server->written < 100);
-        CHECK_FALSE(it.server->told);
-        REQUIRE(it.world.run_until([&] { return it.server->told; }, 1min));
+        CHECK_FALSE(it.server->answered);
+        REQUIRE(it.world.run_until([&] { return it.server->answered; }, 1min));
     }
     SECTION("at once where it leaves") {
         it.world.run_for(5s);
         line->close();
-        REQUIRE(it.world.run_until([&] { return it.server->told; }, 2s));
+        REQUIRE(it.world.run_until([&] { return it.server->answered; }, 2s));
     }
     CHECK(it.server->written < 100);
     it.world.run_for(2s);

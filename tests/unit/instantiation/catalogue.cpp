@@ -288,11 +288,11 @@ TEST_CASE("a description that makes no sense is left out and told") {
         "two",
         R"({"types": [{"name": "../x"}, {"name": "good"}, {"name": "bad", "parameters": [{"name": "listen"}]}, {"name": "worse", "parameters": [{"name": "a"}, {"name": "a"}]}]})");
     made.add("three", R"({"types": [{"name": "good"}, {"name": "thief", "variables": ["ISE_NAME_SERVER"]}]})");
-    auto told = made.tell();
-    REQUIRE(told.types.size() == 1);
-    CHECK(told.types.front().program == "two");
-    auto all = std::accumulate(told.problems.begin(), told.problems.end(), std::string());
-    CHECK(told.problems.size() == 6);
+    auto result = made.tell();
+    REQUIRE(result.types.size() == 1);
+    CHECK(result.types.front().program == "two");
+    auto all = std::accumulate(result.problems.begin(), result.problems.end(), std::string());
+    CHECK(result.problems.size() == 6);
     CHECK_THAT(all, Contains("one: its answer to --describe") && Contains("cannot be called '../x'") &&
                         Contains("cannot be called 'listen'") && Contains("'good' is the one of two") &&
                         Contains("'ISE_NAME_SERVER' cannot be set by others"));

@@ -91,23 +91,23 @@ public:
 
     template <class Contract>
     outcome<Contract> ask(const Contract& service, typename Contract::request_type request) {
-        auto told = std::make_shared<std::optional<ise::result<typename Contract::response_type>>>();
+        auto outcome = std::make_shared<std::optional<ise::result<typename Contract::response_type>>>();
         system.start("shore", "client", [&](ise::node& node) {
-            node.start("", [told, request, &service](ise::component& self) -> ise::task<> {
+            node.start("", [outcome, request, &service](ise::component& self) -> ise::task<> {
                 auto its = self.at("ise/host/shore");
                 auto copy = request;
                 auto got = co_await its.try_call(service, std::move(copy), 5min);
-                told->emplace(std::move(got));
+                outcome->emplace(std::move(got));
             });
         });
-        return told;
+        return outcome;
     }
     template <class Contract>
     ise::result<typename Contract::response_type> call(const Contract& service,
                                                        typename Contract::request_type request) {
-        auto told = ask(service, std::move(request));
-        REQUIRE(system.world.run_until([&] { return told->has_value(); }, 1h));
-        return std::move(**told);
+        auto asked = ask(service, std::move(request));
+        REQUIRE(system.world.run_until([&] { return asked->has_value(); }, 1h));
+        return std::move(**asked);
     }
     static start_request wanted(std::vector<argument> arguments = {}) {
         start_request made;
@@ -165,11 +165,11 @@ TEST_CASE("a change in place keeps the process, and holds in the next life of it
     harbour in;
     in.start();
     int before = in.pid();
-    auto told = in.change(in.wanted({{"speed", "12"}})).value();
-    CHECK(told.way == change_way::in_place);
-    CHECK(told.outcome.outcome == start_outcome::ready);
-    CHECK(told.outcome.started.arguments.front().value == "12");
-    CHECK(told.former.arguments.front().value == "8");
+    auto result = in.change(in.wanted({{"speed", "12"}})).value();
+    CHECK(result.way == change_way::in_place);
+    CHECK(result.outcome.outcome == start_outcome::ready);
+    CHECK(result.outcome.started.arguments.front().value == "12");
+    CHECK(result.former.arguments.front().value == "8");
     CHECK(in.pid() == before);
     CHECK(in.change(in.wanted({{"speed", "12.0"}})).value().way == change_way::nothing);
     in.server->crash();
@@ -197,8 +197,8 @@ TEST_CASE("what cannot be changed in place starts it again, and where that fails
     harbour in;
     in.start();
     int before = in.pid();
-    auto told = in.change(in.wanted({{"speed", "8"}, {"course", "T2"}})).value();
-    CHECK(told.way == change_way::restarted);
+    auto result = in.change(in.wanted({{"speed", "8"}, {"course", "T2"}})).value();
+    CHECK(result.way == change_way::restarted);
     CHECK(in.pid() != before);
     CHECK(in.has_word("--course=T2"));
     auto wrecked = in.change(in.wanted({{"course", "reef"}})).value();
@@ -215,9 +215,9 @@ TEST_CASE("one that has ended is started by a change") {
     stop_request request;
     request.path = "sea/wind";
     CHECK(in.call(host_services::stop, request).value().ended.state == instance_state::stopped);
-    auto told = in.change(in.wanted({{"speed", "12"}})).value();
-    CHECK(told.way == change_way::restarted);
-    CHECK(told.outcome.outcome == start_outcome::ready);
+    auto result = in.change(in.wanted({{"speed", "12"}})).value();
+    CHECK(result.way == change_way::restarted);
+    CHECK(result.outcome.outcome == start_outcome::ready);
     CHECK(in.has_word("--speed=12"));
 }
 
@@ -284,11 +284,11 @@ TEST_CASE("what is forgotten leaves nothing") {
 TEST_CASE("secrets do not leave the instantiation server") {
     harbour in;
     REQUIRE(in.call(host_services::start, in.secretive("hunter2")).value().outcome == start_outcome::ready);
-    auto told = in.instances().front();
-    REQUIRE(told.variables.size() == 2);
-    CHECK(told.variables[0].name == "WIND_USER");
+    auto result = in.instances().front();
+    REQUIRE(result.variables.size() == 2);
+    CHECK(result.variables[0].name == "WIND_USER");
     // Not a mark either: who guesses would know when he is right.
-    for (const auto& one : told.variables) CHECK(one.value.empty());
+    for (const auto& one : result.variables) CHECK(one.value.empty());
     auto changed = in.change(in.secretive("hunter3")).value();
     CHECK(changed.way == change_way::restarted);
     for (const auto& one : changed.former.variables) CHECK(one.value.empty());
@@ -373,10 +373,10 @@ TEST_CASE("two that need the same port are told before either is started") {
         one.listen = {"tcp://127.0.0.1:7411"};
         request.wanted.push_back(one);
     }
-    auto told = in.call(host_services::check, request).value().checked;
-    CHECK(told.at(0).outcome == start_outcome::ready);
-    CHECK(told.at(1).outcome == start_outcome::address_in_use);
-    CHECK_THAT(told.at(1).why, Contains("another component of the file listens on tcp://127.0.0.1:7411 too"));
+    auto result = in.call(host_services::check, request).value().checked;
+    CHECK(result.at(0).outcome == start_outcome::ready);
+    CHECK(result.at(1).outcome == start_outcome::address_in_use);
+    CHECK_THAT(result.at(1).why, Contains("another component of the file listens on tcp://127.0.0.1:7411 too"));
 }
 
 TEST_CASE("a port that another process listens on is told before anything is started") {

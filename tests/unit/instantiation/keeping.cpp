@@ -75,7 +75,7 @@ TEST_CASE("a record is read as it was written, or not at all") {
     CHECK(read.life == 3);
     CHECK(read.mark == "abc");
     CHECK(read.process == status.process);
-    CHECK((read.ended && read.how.known && read.how.by_signal && read.how.number == 6 && read.how.told == "why" &&
+    CHECK((read.ended && read.how.known && read.how.by_signal && read.how.number == 6 && read.how.reason == "why" &&
            read.ended_at_ms == 5));
     CHECK_FALSE(read_kept_status(kept_status_text(status, 1, true)));
     auto later = kept_status_text(status, 2, false);

@@ -145,8 +145,10 @@ TEST_CASE("the group of others may not write, root's and one's own may") {
     REQUIRE(child >= 0);
     if (child == 0) { // as somebody who has no account, and so no group of his own
         if (::setgid(somebody) != 0 || ::setuid(somebody) != 0) ::_exit(2);
-        auto told = ise::check_own_path(shared);
-        ::_exit(!told && told.error().message().find("its group can write") != std::string::npos ? 0 : told ? 3 : 4);
+        auto result = ise::check_own_path(shared);
+        ::_exit(!result && result.error().message().find("its group can write") != std::string::npos ? 0
+                : result                                                                             ? 3
+                                                                                                     : 4);
     }
     int status = 0;
     REQUIRE(::waitpid(child, &status, 0) == child);

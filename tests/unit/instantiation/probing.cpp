@@ -86,17 +86,17 @@ public:
     template <class Contract>
     typename Contract::response_type call(const Contract& service, typename Contract::request_type request) {
         using response = typename Contract::response_type;
-        auto told = std::make_shared<std::optional<ise::result<response>>>();
+        auto outcome = std::make_shared<std::optional<ise::result<response>>>();
         system.start("shore", "client", [&](ise::node& node) {
-            node.start("", [told, request, &service](ise::component& self) -> ise::task<> {
+            node.start("", [outcome, request, &service](ise::component& self) -> ise::task<> {
                 auto its = self.at("ise/host/shore");
                 auto copy = request;
                 auto got = co_await its.try_call(service, std::move(copy), 5min);
-                told->emplace(std::move(got));
+                outcome->emplace(std::move(got));
             });
         });
-        REQUIRE(system.world.run_until([&] { return told->has_value(); }, 1h));
-        return std::move(**told).value();
+        REQUIRE(system.world.run_until([&] { return outcome->has_value(); }, 1h));
+        return std::move(**outcome).value();
     }
     start_response start(const std::string& probe, restart_policy policy) {
         start_request request;
@@ -163,9 +163,9 @@ TEST_CASE("without a policy it is shown only, until it answers again") {
 
 TEST_CASE("a probe asks this host only") {
     probed_harbour in;
-    auto told = in.start("http://169.254.169.254/latest", restart_policy::never);
-    CHECK(told.outcome == start_outcome::bad_argument);
-    CHECK_THAT(told.why, Contains("components here listen on 127.0.0.1, ::1 only"));
+    auto result = in.start("http://169.254.169.254/latest", restart_policy::never);
+    CHECK(result.outcome == start_outcome::bad_argument);
+    CHECK_THAT(result.why, Contains("components here listen on 127.0.0.1, ::1 only"));
     std::vector<std::string> here{"127.0.0.1", "::1"};
     CHECK(parse_probe("http://127.0.0.1/", here).value().at.port == 80);
     CHECK(parse_probe("http://[::1]:81/x", here).value().path == "/x");

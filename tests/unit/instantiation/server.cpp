@@ -63,17 +63,17 @@ public:
     typename Contract::response_type call(const Contract& service, typename Contract::request_type request,
                                           ise::duration deadline = 5min) {
         using response = typename Contract::response_type;
-        auto told = std::make_shared<std::optional<ise::result<response>>>();
+        auto outcome = std::make_shared<std::optional<ise::result<response>>>();
         system.start("shore", "client", [&](ise::node& node) {
-            node.start("", [told, request, deadline, &service](ise::component& self) -> ise::task<> {
+            node.start("", [outcome, request, deadline, &service](ise::component& self) -> ise::task<> {
                 auto its = self.at("ise/host/shore");
                 auto copy = request;
                 auto got = co_await its.try_call(service, std::move(copy), deadline);
-                told->emplace(std::move(got));
+                outcome->emplace(std::move(got));
             });
         });
-        REQUIRE(system.world.run_until([&] { return told->has_value(); }, 1h));
-        return std::move(**told).value();
+        REQUIRE(system.world.run_until([&] { return outcome->has_value(); }, 1h));
+        return std::move(**outcome).value();
     }
     start_response start(const std::string& path, restart_policy policy = restart_policy::never,
                          const std::string& type = "doubler") {
@@ -107,10 +107,10 @@ public:
 
 TEST_CASE("a start completes when the component is registered and answers") {
     harbour in;
-    auto told = in.start("sea/one");
-    CHECK(told.outcome == start_outcome::ready);
-    CHECK(told.started.state == instance_state::ready);
-    CHECK(told.started.process_id == in.host.at("sea/one").stamp.pid);
+    auto result = in.start("sea/one");
+    CHECK(result.outcome == start_outcome::ready);
+    CHECK(result.started.state == instance_state::ready);
+    CHECK(result.started.process_id == in.host.at("sea/one").stamp.pid);
     CHECK(in.system.holds("sea/one"));
     stop_request request{"sea/one", std::nullopt};
     auto ended = in.call(host_services::stop, request);
@@ -121,9 +121,9 @@ TEST_CASE("a start completes when the component is registered and answers") {
 TEST_CASE("a component that never registers is ended at its deadline") {
     harbour in;
     auto before = in.system.world.elapsed();
-    auto told = in.start("sea/one", restart_policy::always, "silent");
-    CHECK(told.outcome == start_outcome::deadline);
-    CHECK_THAT(told.why, Contains("it was not ready within 10 s") && Contains("does not know it yet"));
+    auto result = in.start("sea/one", restart_policy::always, "silent");
+    CHECK(result.outcome == start_outcome::deadline);
+    CHECK_THAT(result.why, Contains("it was not ready within 10 s") && Contains("does not know it yet"));
     CHECK(in.system.world.elapsed() - before >= 10s);
     CHECK(in.host.running().empty());
 }
@@ -203,9 +203,9 @@ TEST_CASE("more starts than the server bears within a time are refused") {
     harbour in;
     for (int number = 0; number < 10; ++number)
         CHECK(in.start("sea/n" + std::to_string(number)).outcome == start_outcome::ready);
-    auto told = in.start("sea/more");
-    CHECK(told.outcome == start_outcome::too_many);
-    CHECK_THAT(told.why, Contains("10 components were started within 10 s"));
+    auto result = in.start("sea/more");
+    CHECK(result.outcome == start_outcome::too_many);
+    CHECK_THAT(result.why, Contains("10 components were started within 10 s"));
     in.system.world.run_for(10s);
     CHECK(in.start("sea/more").outcome == start_outcome::ready);
 }
@@ -232,15 +232,15 @@ TEST_CASE("a start while the name server is away says so, and nothing runs") {
     in.system.world.net().partition("shore", "ns");
     start_request request;
     request.type = "doubler";
-    auto told = std::make_shared<std::optional<start_response>>();
+    auto result = std::make_shared<std::optional<start_response>>();
     in.system.start("shore", "client", [&](ise::node& node) {
-        node.start("", [told, request](ise::component& self) -> ise::task<> {
+        node.start("", [result, request](ise::component& self) -> ise::task<> {
             auto server = self.at("ise/host/shore");
             auto copy = request;
             for (;;) {
                 auto got = co_await server.try_call(host_services::start, copy, 1min);
                 if (got) {
-                    told->emplace(*got);
+                    result->emplace(*got);
                     break;
                 }
                 co_await self.sleep(1s);
@@ -249,9 +249,9 @@ TEST_CASE("a start while the name server is away says so, and nothing runs") {
     });
     in.system.world.run_for(30s);
     in.system.world.net().heal("shore", "ns");
-    REQUIRE(in.system.world.run_until([&] { return told->has_value(); }, 10min));
+    REQUIRE(in.system.world.run_until([&] { return result->has_value(); }, 10min));
     // Whoever asked had to find the server first: both outcomes are right, none leaves anything behind.
-    if ((*told)->outcome == start_outcome::ready) CHECK(in.host.running().size() == 1);
+    if ((*result)->outcome == start_outcome::ready) CHECK(in.host.running().size() == 1);
     else CHECK(in.host.running().empty());
 }
 

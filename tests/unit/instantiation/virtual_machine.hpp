@@ -117,8 +117,8 @@ public:
         return found == installed.end() ? std::string() : found->second.version;
     }
     ise::task<ise::result<std::string>> ask(ise::loop&, std::string name, std::size_t, ise::duration) override {
-        ise::result<std::string> told(installed.at(name.substr(name.rfind('/') + 1)).description);
-        co_return told;
+        ise::result<std::string> outcome(installed.at(name.substr(name.rfind('/') + 1)).description);
+        co_return outcome;
     }
     ise::result<std::string> read_file(const std::string& path, std::size_t) const override {
         auto found = files.find(path);

@@ -58,9 +58,9 @@ struct pair_on_a_line {
             if (on_air && on_air->first <= now) {
                 auto session = std::move(on_air->second);
                 on_air.reset();
-                auto [told, message] = radio(session);
+                auto [status, message] = radio(session);
                 sessions.push_back(session);
-                modem.end_session(told, message);
+                modem.end_session(status, message);
             }
             modem.on_time(now);
             client.on_time(now);
@@ -78,10 +78,10 @@ struct pair_on_a_line {
 };
 
 std::pair<sbdix, ise::bytes> status(int mo) {
-    sbdix told;
-    told.mo_status = mo;
-    told.mt_status = mo > 4 ? 2 : 0;
-    return {told, {}};
+    sbdix result;
+    result.mo_status = mo;
+    result.mt_status = mo > 4 ? 2 : 0;
+    return {result, {}};
 }
 
 } // namespace
@@ -148,12 +148,12 @@ TEST_CASE("iridium: what waits at the gateway is fetched, session by session, an
     std::size_t given = 0;
     it.radio = [&](const modem_9602::session& s) {
         confirmed.push_back(s.received_mtmsn);
-        sbdix told;
-        if (given == waiting.size()) return std::pair(told, ise::bytes());
-        told.mt_status = 1;
-        told.mtmsn = static_cast<int>(100 + given);
-        told.mt_queued = static_cast<int>(waiting.size() - given - 1);
-        return std::pair(told, bytes_of(waiting[given++]));
+        sbdix result;
+        if (given == waiting.size()) return std::pair(result, ise::bytes());
+        result.mt_status = 1;
+        result.mtmsn = static_cast<int>(100 + given);
+        result.mt_queued = static_cast<int>(waiting.size() - given - 1);
+        return std::pair(result, bytes_of(waiting[given++]));
     };
     it.client.start(it.now);
     REQUIRE(it.client.send(it.now, bytes_of("telemetry")));

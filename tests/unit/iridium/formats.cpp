@@ -143,11 +143,11 @@ TEST_CASE("iridium: DirectIP messages of the shared data are understood or refus
     CHECK(read->session_time == sys_days(2015y / 7 / 9) + 18h + 15min + 8s);
     CHECK(ise::as_text(read->data) == "test message from pete");
     CHECK_FALSE(parse_directip_mo(bytes_of(whole_file(*invalid))));
-    auto told = parse_mt_confirmation(bytes_of(whole_file(*confirmed)));
-    REQUIRE(told);
-    CHECK(told->client_id == 1111);
-    CHECK(told->status == 42);
-    CHECK(encode_mt_confirmation(*told) == bytes_of(whole_file(*confirmed)));
+    auto parsed = parse_mt_confirmation(bytes_of(whole_file(*confirmed)));
+    REQUIRE(parsed);
+    CHECK(parsed->client_id == 1111);
+    CHECK(parsed->status == 42);
+    CHECK(encode_mt_confirmation(*parsed) == bytes_of(whole_file(*confirmed)));
 }
 
 TEST_CASE("iridium: a location element holds degrees and thousandths of minutes") {

@@ -45,7 +45,7 @@ TEST_CASE("iridium gateway: a delivery that is not taken is repeated after 2, 4,
     REQUIRE(model.session(start, wall, session_of(1, 10)).value().mo_status == 0);
     auto now = start;
     std::vector<ise::duration> pauses;
-    while (model.told.mo_given_up == 0) {
+    while (model.state.mo_given_up == 0) {
         auto due = model.next_delivery(now);
         REQUIRE(due);
         CHECK_FALSE(model.next_delivery(now)); // it is under way
@@ -59,13 +59,13 @@ TEST_CASE("iridium gateway: a delivery that is not taken is repeated after 2, 4,
     CHECK(pauses[1] == 4s);
     CHECK(pauses[2] == 8s);
     CHECK(now - start >= 11h + 30min);
-    CHECK(model.told.mo_given_up == 1);
-    CHECK(model.told.trouble == "no answer");
+    CHECK(model.state.mo_given_up == 1);
+    CHECK(model.state.trouble == "no answer");
 }
 
 TEST_CASE("iridium gateway: duplicates are posts that come again although they were taken") {
     gateway_model model(account());
-    model.told.duplicates = 1;
+    model.state.duplicates = 1;
     model.session(start, wall, session_of(1, 10)).value();
     auto first = model.next_delivery(start);
     REQUIRE(first);
@@ -74,7 +74,7 @@ TEST_CASE("iridium gateway: duplicates are posts that come again although they w
     REQUIRE(second);
     CHECK(second->message == first->message);
     model.on_delivered(start + 2s, second->number, true, "");
-    CHECK(model.told.mo_waiting == 0);
+    CHECK(model.state.mo_waiting == 0);
 }
 
 TEST_CASE("iridium gateway: a message for the modem waits until a later session says that it arrived") {
@@ -93,7 +93,7 @@ TEST_CASE("iridium gateway: a message for the modem waits until a later session 
     CHECK(second.data == ise::bytes{std::byte{0xbb}});
     CHECK(second.mt_queued == 0);
     CHECK(model.session(start, wall, session_of(3, 0, second.mtmsn)).value().mt_status == 0);
-    CHECK(model.told.mt_delivered == 2);
+    CHECK(model.state.mt_delivered == 2);
 }
 
 TEST_CASE("iridium gateway: submissions are answered with the code that fits") {
@@ -110,16 +110,16 @@ TEST_CASE("iridium gateway: submissions are answered with the code that fits") {
     CHECK(code([](auto& s) { s.data = std::string(542, '0'); }) == 15);
     CHECK(code([](auto& s) { s.data.clear(); }) == 16);
     CHECK(code([](auto& s) { s.data = std::string(540, '0'); }) == 0);
-    model.told.fail_mt = 13;
+    model.state.fail_mt = 13;
     CHECK(code([](auto&) {}) == 13);
-    model.told.fail_mt = 0;
+    model.state.fail_mt = 0;
     for (int i = 0; i < 49; ++i) CHECK(code([](auto&) {}) == 0);
     CHECK(code([](auto&) {}) == 99); // fifty wait
     CHECK(code([](auto& s) { s.flush = true; }) == 0);
-    CHECK(model.told.mt_waiting == 1);
+    CHECK(model.state.mt_waiting == 1);
     // Nobody fetched them for five days.
     model.on_time(start + 24h * 5);
-    CHECK(model.told.mt_waiting == 0);
+    CHECK(model.state.mt_waiting == 0);
 }
 
 TEST_CASE("iridium gateway: it refuses strangers, and nothing works while it is switched off") {
@@ -131,13 +131,13 @@ TEST_CASE("iridium gateway: it refuses strangers, and nothing works while it is 
     CHECK(model.session(start, wall, stranger).error().code() == ise::errc::refused);
     CHECK(model.session(start, wall, session_of(1, 341)).error().code() == ise::errc::refused);
     model.session(start, wall, session_of(1, 10)).value();
-    model.told.up = false;
+    model.state.up = false;
     CHECK(model.session(start, wall, session_of(2, 10)).error().code() == ise::errc::not_connected);
     CHECK_FALSE(model.next_delivery(start + 1h));
     CHECK(model.enqueue(start, imei, ise::bytes(1), false).status == -6);
-    model.told.up = true;
+    model.state.up = true;
     CHECK(model.next_delivery(start + 1h));
-    model.told.session_failures = 1;
+    model.state.session_failures = 1;
     auto failed = model.session(start, wall, session_of(3, 10)).value();
     CHECK(failed.mo_status >= 10);
 }

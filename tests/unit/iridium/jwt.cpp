@@ -108,9 +108,9 @@ TEST_CASE("iridium: a token of another key, for another message, of another algo
     for (const auto& wrong :
          {std::string("a.b"), std::string("a.b.c.d"), std::string(".."), std::string("%.%.%"), unsigned_one, by_secret,
           good.substr(0, good.size() - 4), good + "AA", std::string(20000, 'a')}) {
-        auto told = key.verify(wrong);
-        REQUIRE_FALSE(told);
-        CHECK(told.error().code() == ise::errc::unauthorized);
+        auto result = key.verify(wrong);
+        REQUIRE_FALSE(result);
+        CHECK(result.error().code() == ise::errc::unauthorized);
     }
     for (std::size_t at = 0; at < good.size(); at += 7) { // any changed letter
         auto changed = good;

@@ -282,9 +282,9 @@ TEST_CASE("iridium: RockBLOCK's answers are told apart: taken, never, later, unk
     CHECK(outcome_of_rockblock(answered(200, "OK,4114651")).what == kind::accepted);
     CHECK(outcome_of_rockblock(answered(200, "OK,4114651")).reference == "4114651");
     for (int code : {10, 11, 12, 13, 14, 15, 16}) {
-        auto told = outcome_of_rockblock(answered(200, "FAILED," + std::to_string(code) + ",words"));
-        CHECK(told.what == kind::refused);
-        CHECK(told.text.find("FAILED " + std::to_string(code)) != std::string::npos);
+        auto result = outcome_of_rockblock(answered(200, "FAILED," + std::to_string(code) + ",words"));
+        CHECK(result.what == kind::refused);
+        CHECK(result.text.find("FAILED " + std::to_string(code)) != std::string::npos);
     }
     CHECK(outcome_of_rockblock(answered(200, "FAILED,99,System Error")).what == kind::later);
     CHECK(outcome_of_rockblock(answered(404, "<html>")).what == kind::later);

@@ -181,12 +181,12 @@ TEST_CASE("the gateway tells that a message is queued") {
                 "number 3 in the queue.\r\n";
     auto read = read_gateway_mail(mail);
     REQUIRE(read);
-    const auto& told = std::get<disposition>(*read);
-    CHECK(told.queued);
-    CHECK(told.imei == "300034012345678");
-    CHECK(told.attachment == "c17.sbd");
-    CHECK(told.mtmsn == 1);
-    CHECK(told.queue_position == 3u);
+    const auto& result = std::get<disposition>(*read);
+    CHECK(result.queued);
+    CHECK(result.imei == "300034012345678");
+    CHECK(result.attachment == "c17.sbd");
+    CHECK(result.mtmsn == 1);
+    CHECK(result.queue_position == 3u);
     mail.text.clear(); // the subject alone is enough
     CHECK(std::get<disposition>(read_gateway_mail(mail).value()).imei == "300034012345678");
 }
@@ -197,16 +197,16 @@ TEST_CASE("the gateway tells why a message is not queued") {
     mail.subject = "Error: SBD Mobile-Terminated Message Not Queued for Unit 300034012345678";
     mail.text =
         "IMEI: 300034012345678\r\nAttachment Filename: c17.sbd\r\nReason: MT message queue full (max of 50).\r\n";
-    auto told = std::get<disposition>(read_gateway_mail(mail).value());
-    CHECK_FALSE(told.queued);
-    CHECK(told.imei == "300034012345678");
-    CHECK(told.attachment == "c17.sbd");
-    CHECK(told.reason == "MT message queue full (max of 50).");
+    auto result = std::get<disposition>(read_gateway_mail(mail).value());
+    CHECK_FALSE(result.queued);
+    CHECK(result.imei == "300034012345678");
+    CHECK(result.attachment == "c17.sbd");
+    CHECK(result.reason == "MT message queue full (max of 50).");
     mail.subject = "Error: Message Not Queued";
     mail.text = "The unit is not known to this gateway.\r\n";
-    told = std::get<disposition>(read_gateway_mail(mail).value());
-    CHECK(told.imei.empty());
-    CHECK(told.reason == "The unit is not known to this gateway.");
+    result = std::get<disposition>(read_gateway_mail(mail).value());
+    CHECK(result.imei.empty());
+    CHECK(result.reason == "The unit is not known to this gateway.");
 }
 
 TEST_CASE("a mail for units has their IMEIs as its subject and one attachment a message") {
@@ -251,16 +251,18 @@ TEST_CASE("what the emulated gateway writes is read back the same") {
     session.session_at = std::chrono::sys_days(std::chrono::year(2026) / 1 / 2) + 3h;
     CHECK(session_in(make_mo_mail(session, "boat@example.org")) == session);
 
-    disposition told;
-    told.imei = "300034012345678";
-    told.attachment = "c17.sbd";
-    told.reason = "queue full";
-    CHECK(std::get<disposition>(read_gateway_mail(make_disposition_mail(told, "shore@example.org")).value()) == told);
-    told.queued = true;
-    told.reason.clear();
-    told.mtmsn = 300;
-    told.queue_position = 50;
-    CHECK(std::get<disposition>(read_gateway_mail(make_disposition_mail(told, "shore@example.org")).value()) == told);
+    disposition result;
+    result.imei = "300034012345678";
+    result.attachment = "c17.sbd";
+    result.reason = "queue full";
+    CHECK(std::get<disposition>(read_gateway_mail(make_disposition_mail(result, "shore@example.org")).value()) ==
+          result);
+    result.queued = true;
+    result.reason.clear();
+    result.mtmsn = 300;
+    result.queue_position = 50;
+    CHECK(std::get<disposition>(read_gateway_mail(make_disposition_mail(result, "shore@example.org")).value()) ==
+          result);
 }
 
 TEST_CASE(

@@ -23,8 +23,8 @@ ise::task<ise::result<mode_set>> ask(ise::remote boat, ise::duration limit) {
     co_return answer;
 }
 
-const ise::service_load& load_of(const ise::health_report& told, const std::string& name) {
-    return *std::ranges::find(told.services, name, &ise::service_load::name);
+const ise::service_load& load_of(const ise::health_report& outcome, const std::string& name) {
+    return *std::ranges::find(outcome.services, name, &ise::service_load::name);
 }
 
 std::uint64_t sum(const std::vector<ise::duration_count>& of) {
@@ -65,11 +65,11 @@ TEST_CASE("a service tells how long its calls waited and took, who waits, and wh
     for (int i = 0; i < 6; ++i) calls.push_back(start(shore.on, ask(there, 10s)));
     for (auto& one : calls) all.run_until([&] { return one->done; });
     all.stop();
-    auto told = ise::health_of(*boat.services);
-    const auto& load = load_of(told, "helm");
+    auto report = ise::health_of(*boat.services);
+    const auto& load = load_of(report, "helm");
     CHECK(load.overloaded > 0); // six came, three have room
-    CHECK(told.calls_overloaded == load.overloaded);
-    CHECK(told.calls_refused == load.overloaded);
+    CHECK(report.calls_overloaded == load.overloaded);
+    CHECK(report.calls_refused == load.overloaded);
     CHECK(load.waiting == 0);
     CHECK(load.calls == sum(load.waited));
     CHECK(load.calls + load.overloaded == 6);

@@ -260,22 +260,22 @@ TEST_CASE("what the broker does not want now is sent again, what it never wants 
         return ise::failure(ise::errc::refused, later ? "quota exceeded" : "not authorized");
     };
     REQUIRE(here.until([&] { return here.last() > 300; }, 5min));
-    std::optional<bridge_status> told;
+    std::optional<bridge_status> result;
     here.in.start_body("office", "asks", [&](ise::component& self) -> ise::task<> {
         auto bridge = co_await self.find("ise/mqtt");
         status_request request;
-        told = co_await bridge.call(status_service, request);
+        result = co_await bridge.call(status_service, request);
     });
-    REQUIRE(here.until([&] { return told.has_value(); }));
-    CHECK(told->connected);
-    CHECK(told->refused > 5);
-    CHECK(told->trouble.find("not authorized") != std::string::npos);
+    REQUIRE(here.until([&] { return result.has_value(); }));
+    CHECK(result->connected);
+    CHECK(result->refused > 5);
+    CHECK(result->trouble.find("not authorized") != std::string::npos);
     auto got = here.broker->of(coast::topic);
     std::set<std::int64_t> values;
     for (const auto& one : got) values.insert(one.value());
     std::int64_t missing = 0;
     for (auto value = *values.begin(); value < *values.rbegin(); ++value) missing += !values.contains(value);
-    CHECK(missing <= static_cast<std::int64_t>(told->refused));
+    CHECK(missing <= static_cast<std::int64_t>(result->refused));
 }
 
 TEST_CASE("a component that goes takes its retained packets with it") {
@@ -296,21 +296,21 @@ TEST_CASE("wrong options end the bridge with a reason") {
                  [options](ise::node& node) { node.start<mqtt_bridge>("ise/mqtt", everywhere(), options); });
         in.world.run_for(2s);
     };
-    auto told = [&](const std::string& what) {
+    auto result = [&](const std::string& what) {
         return std::ranges::any_of(in.warnings, [&](const auto& line) { return line.find(what) != std::string::npos; });
     };
     bridge_options wildcard;
     wildcard.prefix = "a/+";
     start("wildcard", wildcard);
-    CHECK(told("--prefix"));
+    CHECK(result("--prefix"));
     bridge_options old;
     old.broker.version_5 = false;
     old.allow_calls = true;
     start("old", old);
-    CHECK(told("calls need MQTT 5"));
+    CHECK(result("calls need MQTT 5"));
     bridge_options real; // libmosquitto on a virtual loop
     start("real", real);
-    CHECK(told("needs the real world"));
+    CHECK(result("needs the real world"));
 }
 
 } // namespace mqtt_test

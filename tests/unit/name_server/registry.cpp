@@ -295,11 +295,11 @@ TEST_CASE(
         CHECK(it.claim(1, "a", earlier.epoch).what == verdict::granted);
         CHECK(it.claim(2, "a", later.epoch).what == verdict::granted);
         for (int twice = 0; twice < 2; ++twice) {
-            auto told = it.renew(1).lost;
-            REQUIRE(told.size() == 1);
-            CHECK(told[0].what == verdict::superseded);
-            CHECK(told[0].path == "a");
-            CHECK(told[0].held_by.at(0).epoch == later.epoch);
+            auto result = it.renew(1).lost;
+            REQUIRE(result.size() == 1);
+            CHECK(result[0].what == verdict::superseded);
+            CHECK(result[0].path == "a");
+            CHECK(result[0].held_by.at(0).epoch == later.epoch);
         }
         it.withdraw(1, "a");
         CHECK_FALSE(it.renew(1).known); // it holds nothing any more

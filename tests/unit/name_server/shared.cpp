@@ -234,8 +234,8 @@ TEST_CASE("shared names: without a majority those who have met go on, nobody new
             [&](ise::component& self) -> ise::task<> {
                 ise::naming::list_request all;
                 auto servers = self.at(ise::endpoint::parse(it.list.substr(0, it.list.find(','))).value());
-                auto told = co_await servers.call(ise::naming::list, all, 5s);
-                trouble = told.trouble;
+                auto response = co_await servers.call(ise::naming::list, all, 5s);
+                trouble = response.trouble;
             },
             everywhere());
     });

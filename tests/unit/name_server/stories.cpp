@@ -62,14 +62,14 @@ TEST_CASE("names: find without a limit waits, and everybody sees for what and si
         co_await self.sleep(1h);
     });
     auto seen = [&] {
-        std::optional<ise::component_info> told;
+        std::optional<ise::component_info> result;
         it.start_body("office", "observer", [&](ise::component& self) -> ise::task<> {
             auto patient = co_await self.find("test/patient", 5s);
             ise::describe_request request;
-            told = co_await patient.call(ise::describe_service, request, 5s);
+            result = co_await patient.call(ise::describe_service, request, 5s);
         });
-        REQUIRE(it.world.run_until([&] { return told.has_value(); }, 30s));
-        return *told;
+        REQUIRE(it.world.run_until([&] { return result.has_value(); }, 30s));
+        return *result;
     };
     auto listed = [&] {
         for (const auto& event : it.names->names()->snapshot("test/patient")) return event.name.waits_for;
@@ -80,12 +80,12 @@ TEST_CASE("names: find without a limit waits, and everybody sees for what and si
     it.world.run_for(1h);
     CHECK_FALSE(found);
     CHECK(listed() == "atirma/doubler");
-    auto told = seen();
-    REQUIRE(told.waits.size() == 1);
-    CHECK(told.waits.front().target == "atirma/doubler");
-    CHECK(told.waits.front().service.empty());
-    CHECK(told.waits.front().stage == "name");
-    CHECK(told.waits.front().waited > 1h);
+    auto result = seen();
+    REQUIRE(result.waits.size() == 1);
+    CHECK(result.waits.front().target == "atirma/doubler");
+    CHECK(result.waits.front().service.empty());
+    CHECK(result.waits.front().stage == "name");
+    CHECK(result.waits.front().waited > 1h);
     it.start_doubler("boat", "atirma/doubler");
     CHECK(it.world.run_until([&] { return found; }, 1s));
     it.world.run_for(2s);
@@ -583,12 +583,12 @@ TEST_CASE(
     it.world.run_for(1min);
     it.restart_server();
     REQUIRE(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 1min));
-    auto told = std::ranges::find_if(it.warnings, [](const std::string& line) {
+    auto result = std::ranges::find_if(it.warnings, [](const std::string& line) {
         return line.find("does not register this component yet") != line.npos;
     });
-    REQUIRE(told != it.warnings.end());
-    CHECK_THAT(*told, Catch::Contains("the name server has just started"));
-    CHECK_THAT(*told, !Catch::Contains("no room"));
+    REQUIRE(result != it.warnings.end());
+    CHECK_THAT(*result, Catch::Contains("the name server has just started"));
+    CHECK_THAT(*result, !Catch::Contains("no room"));
 }
 
 } // namespace stories_test

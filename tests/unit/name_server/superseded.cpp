@@ -15,7 +15,7 @@ constexpr ise::duration lease = 2s; // the default
 // Says when it has lost its name, and goes on.
 class survivor final : public ise::component {
 public:
-    std::optional<ise::failure> told;
+    std::optional<ise::failure> lost;
 
 private:
     ise::task<> run() override {
@@ -25,7 +25,7 @@ private:
         });
         co_await sleep(100h);
     }
-    void on_name_lost(const ise::failure& why) override { told = why; }
+    void on_name_lost(const ise::failure& why) override { lost = why; }
 };
 
 struct rivals {
@@ -87,7 +87,7 @@ TEST_CASE("superseded: a name that could not be renewed is unconfirmed, and conf
     CHECK(at.it.world.run_until([&] { return !confirmed; }, 5s)); // and people see it
     at.it.world.net().heal("boat", "ns");
     CHECK(at.it.world.run_until([&] { return at.old->name_confirmed(); }, 5s));
-    CHECK_FALSE(at.old->told);
+    CHECK_FALSE(at.old->lost);
 }
 
 TEST_CASE("superseded: the old holder withdraws within a lease period of contact, whenever that is") {
@@ -96,13 +96,13 @@ TEST_CASE("superseded: the old holder withdraws within a lease period of contact
     rivals at;
     at.replace();
     at.it.world.run_for(cut_for);
-    REQUIRE_FALSE(at.old->told);
+    REQUIRE_FALSE(at.old->lost);
     auto higher = at.it.epoch_of("atirma/doubler");
     REQUIRE(at.holder < higher); // its client is with it still
     REQUIRE(at.holder != 0);
     at.it.world.net().heal("boat", "ns");
-    REQUIRE(at.it.world.run_until([&] { return at.old->told.has_value(); }, lease));
-    CHECK(at.old->told->code() == ise::errc::superseded);
+    REQUIRE(at.it.world.run_until([&] { return at.old->lost.has_value(); }, lease));
+    CHECK(at.old->lost->code() == ise::errc::superseded);
     CHECK_FALSE(at.old->name_confirmed());
 
     // It answers nobody any more, and its client goes on with the new holder.
@@ -113,11 +113,11 @@ TEST_CASE("superseded: the old holder withdraws within a lease period of contact
     CHECK(at.it.epoch_of("atirma/doubler") == higher);
 }
 
-TEST_CASE("superseded: who comes to the old holder is told so") {
+TEST_CASE("superseded: a requester of the old holder learns that it is superseded") {
     rivals at;
     at.replace();
     at.it.world.net().heal("boat", "ns");
-    REQUIRE(at.it.world.run_until([&] { return at.old->told.has_value(); }, 5s));
+    REQUIRE(at.it.world.run_until([&] { return at.old->lost.has_value(); }, 5s));
     std::string obstacle;
     at.it.start_body("boat", "late", [&](ise::component& self) -> ise::task<> {
         auto port = at.old->services().listening().front().port;

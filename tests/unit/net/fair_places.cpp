@@ -182,9 +182,9 @@ TEST_CASE("acceptor: a socket that was closed while it paused ends it") {
         auto at = std::make_shared<troubled>(all->host->loop());
         at->coming.emplace_back(std::error_code(ENOMEM, asio::error::get_system_category()), nullptr);
         at->coming.emplace_back(asio::error::bad_descriptor, nullptr); // what Asio answers then
-        auto accepts = [](ise::task<> body, bool& told) -> ise::task<> {
+        auto accepts = [](ise::task<> body, bool& result) -> ise::task<> {
             co_await std::move(body);
-            told = true;
+            result = true;
         };
         auto report = [&](const std::string&, const std::string&) { ++reports; };
         auto loop = ise::net::accept_each(all->host->loop(), at, nullptr, report, [](ise::net::admitted) {});

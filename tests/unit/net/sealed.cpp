@@ -41,7 +41,7 @@ key_ptr key(char letter, bool legacy = false) {
     return ise::shared_key::make(std::string(64, letter), "a test", legacy).value();
 }
 
-const char* told(const made& one) {
+const char* failure_of(const made& one) {
     static std::string text;
     text = one ? "a session" : one.error().message();
     return text.c_str();
@@ -154,7 +154,7 @@ bool has(const ise::bytes& all, std::string_view text) {
 
 TEST_CASE("sealed: both sides have the key and talk, and nothing of what they say can be read") {
     auto same = meet(key('k'), key('k'));
-    INFO(told(same.client));
+    INFO(failure_of(same.client));
     REQUIRE((same.client && same.server));
     CHECK((*same.client)->terms().peer.path == "a-name-of-a-boat");
     CHECK((*same.server)->terms().peer.path == "a-name-of-a-shore");

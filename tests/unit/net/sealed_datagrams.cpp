@@ -412,8 +412,8 @@ namespace {
 
 // ISE_SEAL_SWEEP: how many; the usual number takes a moment only.
 long sweep_count() {
-    const char* told = std::getenv("ISE_SEAL_SWEEP");
-    return told ? std::max(std::atol(told), 1L) : 20000L;
+    const char* result = std::getenv("ISE_SEAL_SWEEP");
+    return result ? std::max(std::atol(result), 1L) : 20000L;
 }
 
 } // namespace

@@ -199,7 +199,7 @@ TEST_CASE("a client that takes nothing is dropped and counted, and the others he
     s.sails = fix_quality::gps;
     s.start();
     std::string good, nothing;
-    std::optional<bridge_status> told;
+    std::optional<bridge_status> result;
     s.connect(10110, good);
     s.connect(10110, nothing, false);
     s.listener([&](ise::component& self) -> ise::task<> {
@@ -208,15 +208,15 @@ TEST_CASE("a client that takes nothing is dropped and counted, and the others he
         for (;;) {
             auto one = co_await states.next();
             if (!one) break;
-            told = *one;
+            result = *one;
         }
     });
-    REQUIRE(s.world.run_until([&] { return told && told->nmea.dropped_slow == 1; }, 2h));
+    REQUIRE(s.world.run_until([&] { return result && result->nmea.dropped_slow == 1; }, 2h));
     auto before = count(good, "$GPRMC");
     s.world.run_for(10s);
     CHECK(count(good, "$GPRMC") >= before + 90);
-    REQUIRE(s.world.run_until([&] { return told->nmea.clients == 1; }, 1min));
-    CHECK(told->nmea.accepted == 2);
+    REQUIRE(s.world.run_until([&] { return result->nmea.clients == 1; }, 1min));
+    CHECK(result->nmea.accepted == 2);
 }
 
 TEST_CASE("clients beyond the most are refused and counted") {

@@ -23,8 +23,8 @@ struct seen_span {
 
 std::vector<seen_span> spans_of(const std::string& line) {
     std::vector<seen_span> all;
-    auto told = json::parse(line);
-    for (const auto& resource : told.at("resourceSpans"))
+    auto parsed = json::parse(line);
+    for (const auto& resource : parsed.at("resourceSpans"))
         for (const auto& one : resource.at("scopeSpans").at(0).at("spans")) {
             seen_span made;
             made.component = resource["resource"]["attributes"][0]["value"]["stringValue"];
@@ -205,9 +205,9 @@ TEST_CASE("texts of peers stay texts in OTLP") {
     one.peer = "\\";
     one.outcome = ise::errc::timed_out;
     one.id = 2;
-    auto told = ise::detail::otlp_json({one}, "p", {});
-    CHECK(told.find('\n') == told.npos);
-    CHECK(spans_of(told).at(0).status == 2);
+    auto info = ise::detail::otlp_json({one}, "p", {});
+    CHECK(info.find('\n') == info.npos);
+    CHECK(spans_of(info).at(0).status == 2);
 }
 
 TEST_CASE("a trace rate is a number from 0 to 1") {

@@ -74,15 +74,15 @@ task<ise::result<ise::parameters_response>> ask_to_change(component& self,
     auto whom = self.at(fleet::at("boat"));
     ise::change_parameters_request request;
     request.settings = std::move(settings);
-    auto told = co_await whom.try_call(ise::change_parameters_service, std::move(request), 10s);
-    co_return told;
+    auto response = co_await whom.try_call(ise::change_parameters_service, std::move(request), 10s);
+    co_return response;
 }
 
 task<std::string> read(component& self) {
     auto whom = self.at(fleet::at("boat"));
     ise::parameters_request request;
-    auto told = co_await whom.call(ise::parameters_service, std::move(request));
-    co_return values(told);
+    auto response = co_await whom.call(ise::parameters_service, std::move(request));
+    co_return values(response);
 }
 
 } // namespace
@@ -96,9 +96,9 @@ TEST_CASE("the parameters of a running component are read and changed, and it he
         auto before = co_await read(self);
         CHECK(before == "speed=6 from=45 gusts=true seed=7 name=trade ");
         std::vector<ise::parameter_setting> both{{"from", "90"}, {"speed", "12.5"}};
-        auto told = co_await ask_to_change(self, both);
-        REQUIRE(told);
-        CHECK(values(*told) == "speed=12.5 from=90 ");
+        auto response = co_await ask_to_change(self, both);
+        REQUIRE(response);
+        CHECK(values(*response) == "speed=12.5 from=90 ");
         auto after = co_await read(self);
         CHECK(after == "speed=12.5 from=90 gusts=true seed=7 name=trade ");
         auto whom = self.at(fleet::at("boat"));
@@ -128,10 +128,10 @@ TEST_CASE("what is not allowed is refused with what is, and nothing of it happen
             {{{"speed", "4"}, {"speed", "5"}}, "parameter 'speed' is given twice"},
             {{{"name", "sirocco"}}, "it is one of trade, mistral"}};
         for (auto& each : trials) {
-            auto told = co_await ask_to_change(self, each.settings);
-            REQUIRE(!told);
-            CHECK(told.error().code() == ise::errc::refused);
-            CHECK_THAT(told.error().message(), Contains(each.says));
+            auto response = co_await ask_to_change(self, each.settings);
+            REQUIRE(!response);
+            CHECK(response.error().code() == ise::errc::refused);
+            CHECK_THAT(response.error().message(), Contains(each.says));
         }
         auto after = co_await read(self);
         CHECK(after == "speed=6 from=45 gusts=true seed=1 name=trade ");
@@ -153,10 +153,10 @@ TEST_CASE("a component refuses a change, and all that was asked for with it") {
     launch(all, type);
     all.run("shore", [](component& self) -> task<> {
         std::vector<ise::parameter_setting> gale{{"from", "10"}, {"speed", "35"}};
-        auto told = co_await ask_to_change(self, gale);
-        REQUIRE(!told);
-        CHECK(told.error().code() == ise::errc::refused);
-        CHECK_THAT(told.error().message(), Contains("no gales"));
+        auto response = co_await ask_to_change(self, gale);
+        REQUIRE(!response);
+        CHECK(response.error().code() == ise::errc::refused);
+        CHECK_THAT(response.error().message(), Contains("no gales"));
         std::vector<ise::parameter_setting> south{{"from", "180"}};
         auto thrown = co_await ask_to_change(self, south);
         REQUIRE(!thrown);

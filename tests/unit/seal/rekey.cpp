@@ -169,9 +169,9 @@ TEST_CASE("rekey: the boat accepts both keys until the first packet under the ne
     REQUIRE(both.shore.ring->open(both.boat.ring->seal(radio, telemetry())));
     auto rekey = both.shore.ring->take_question();
     REQUIRE(rekey.size() == 48);
-    auto told = both.boat.ring->open(radio, rekey);
-    REQUIRE(told);
-    CHECK(told->empty());
+    auto result = both.boat.ring->open(radio, rekey);
+    REQUIRE(result);
+    CHECK(result->empty());
     REQUIRE(both.boat.ring->keys().next);
     CHECK(both.boat.ring->keys().now.epoch == 0);
     CHECK(both.obeys(1)); // under the old one

@@ -288,8 +288,8 @@ TEST_CASE("seal store: a second process at the same counters is refused, and say
         auto other = there->open_shore();
         for (std::uint32_t i = 0; other && i < 100; ++i)
             if (auto made = (*other)->seal(command(i))) used += std::to_string(counter_of(*made)) + "\n";
-        bool told = ::write(out[1], used.data(), used.size()) == static_cast<ssize_t>(used.size());
-        ::_exit(told ? 0 : 1);
+        bool reported = ::write(out[1], used.data(), used.size()) == static_cast<ssize_t>(used.size());
+        ::_exit(reported ? 0 : 1);
     }
     ::close(out[1]);
     std::string text;

@@ -385,9 +385,9 @@ TEST_CASE("an action is known by its packets, and run without its header") {
         auto outcome = co_await held.outcome();
         *into += outcome.value().to_json();
     };
-    auto told = std::make_shared<std::string>();
-    at.all.run(at.shore, body(at.there, told));
-    CHECK(*told == R"({"to":"bay","leg":1}{"to":"bay","leg":2}{"at":"bay","legs":2})");
+    auto found_result = std::make_shared<std::string>();
+    at.all.run(at.shore, body(at.there, found_result));
+    CHECK(*found_result == R"({"to":"bay","leg":1}{"to":"bay","leg":2}{"at":"bay","legs":2})");
 }
 
 // --- the stories ------------------------------------------------------------------------------------------------

@@ -49,7 +49,7 @@ struct watch_area {
     std::string name;
 };
 struct watch_answer {
-    std::string told;
+    std::string text;
 };
 constexpr ise::subscription<fix, watch_area, watch_answer, watch_area, watch_answer> watched{"watched"};
 
@@ -284,10 +284,10 @@ ise::task<std::string> watch_and_leave(ise::remote from) {
     watch_area area{"bay"};
     ise::subscribe_options options;
     auto stream = co_await from.subscribe(watched, area, options);
-    auto told = stream.response().told;
+    auto result = stream.response().text;
     watch_area last{"harbour"};
     auto answer = co_await stream.leave(last, 5s);
-    co_return told + ", " + answer.told;
+    co_return result + ", " + answer.text;
 }
 
 } // namespace

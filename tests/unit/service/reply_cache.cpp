@@ -105,11 +105,11 @@ TEST_CASE("gaps in the numbers of one link leave those of an older link as they 
 
 TEST_CASE("a client with several links counts in several ranges, and nothing of one is taken for another's") {
     // What is told of each number, kept in the plainest way; few enough that nothing has to give way.
-    struct told {
+    struct result {
         std::uint64_t from = 0, to = 0;
         std::optional<std::size_t> answered;
     };
-    std::map<std::uint64_t, told> expected;
+    std::map<std::uint64_t, result> expected;
     std::map<std::uint64_t, bool> given_up;
     std::mt19937_64 random(4);
     reply_cache window(false);

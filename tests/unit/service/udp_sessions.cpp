@@ -465,11 +465,11 @@ TEST_CASE("the calls of a client that has vanished end with its linger, and thei
     CHECK(boat.services->sessions().size() == 1); // the one of whoever vanished is gone
     sea.world.net().heal("boat", "shore");
     REQUIRE(sea.run_until([&] { return call->done && waits->done; }));
-    for (const auto& told : {call, waits}) {
-        REQUIRE_FALSE(told->get());
-        CHECK(told->get().error().code() == errc::peer_lost);
-        CHECK(told->get().error().executed() == execution::unknown);
-        CHECK_THAT(told->get().error().message(), Catch::Matchers::Contains("linger"));
+    for (const auto& result : {call, waits}) {
+        REQUIRE_FALSE(result->get());
+        CHECK(result->get().error().code() == errc::peer_lost);
+        CHECK(result->get().error().executed() == execution::unknown);
+        CHECK_THAT(result->get().error().message(), Catch::Matchers::Contains("linger"));
     }
     CHECK(runs == 1);
     CHECK(sea.stop());

@@ -335,11 +335,11 @@ TEST_CASE("a killed peer is noticed at once and leaves nothing behind", "[shm]")
     const auto name = fresh_name();
     std::array<int, 2> said{};
     REQUIRE(::pipe(said.data()) == 0);
-    shm_fd told(said[0]), tell(said[1]);
+    shm_fd result(said[0]), tell(said[1]);
     // First, so that it has no thread or loop of this process.
     const auto child = fork_child([&] {
         char go = 0;
-        if (::read(told.get(), &go, 1) != 1) return 1;
+        if (::read(result.get(), &go, 1) != 1) return 1;
         real_parties all;
         auto& shore = all.add("shore");
         for (;;)
@@ -388,7 +388,7 @@ TEST_CASE("whatever the system refuses while two agree, they go on over the sock
     const auto name = fresh_name();
     std::array<int, 2> said{};
     REQUIRE(::pipe(said.data()) == 0);
-    shm_fd told(said[0]), tell(said[1]);
+    shm_fd result(said[0]), tell(said[1]);
     auto serve = [&](bool denied) {
         real_parties all;
         auto& boat = all.add("boat");
@@ -410,7 +410,7 @@ TEST_CASE("whatever the system refuses while two agree, they go on over the sock
     };
     auto call = [&](bool denied) {
         char go = 0;
-        if (::read(told.get(), &go, 1) != 1) return 3;
+        if (::read(result.get(), &go, 1) != 1) return 3;
         real_parties all;
         auto& shore = all.add("shore");
         if (denied) deny(refused.call, refused.argument, refused.value);

@@ -40,7 +40,7 @@ TEST_CASE("many calls, small and big, pass between two loops of ISE's own", "[sh
     ise::component_options options;
     options.listen = {ise::endpoint::parse(fmt::format("shm://@ise-unit-shm-loops-{}", ::getpid())).value()};
     const auto at = node.start<mirror>("boat", options).services().listening().front();
-    std::promise<std::string> told;
+    std::promise<std::string> result;
     node.start("shore", [&](ise::component& self) -> ise::task<> {
         try {
             auto boat = self.at(at);
@@ -53,12 +53,12 @@ TEST_CASE("many calls, small and big, pass between two loops of ISE's own", "[sh
                 // Both sleep in between, and wake each other.
                 if (round % 300 == 0) co_await self.sleep(2ms);
             }
-            told.set_value("all");
+            result.set_value("all");
         } catch (const std::exception& wrong) {
-            told.set_value(wrong.what());
+            result.set_value(wrong.what());
         }
     });
-    REQUIRE(told.get_future().get() == "all");
+    REQUIRE(result.get_future().get() == "all");
     node.stop();
     node.wait();
 }

@@ -118,17 +118,17 @@ TEST_CASE("the track as CSV has a header and what is known of each fix") {
 
 TEST_CASE("the track as GeoJSON has a line for each time that the boat was heard, and times beside it") {
     auto state = voyage();
-    auto told = json::parse(
+    auto parsed = json::parse(
         to_geojson(state.options().boat, state.track(), state.waypoints(), state.sources(), state.rhythm()));
-    CHECK(told["type"] == "FeatureCollection");
-    const auto& track = told["features"][0];
+    CHECK(parsed["type"] == "FeatureCollection");
+    const auto& track = parsed["features"][0];
     CHECK(track["properties"]["name"] == "A<b>&\"c\"");
     REQUIRE(track["geometry"]["coordinates"].size() == 2);
     CHECK(track["geometry"]["coordinates"][0][1] == json::array({-15.0, 28.01}));
     for (const auto& line : track["geometry"]["coordinates"]) CHECK(line.size() >= 2); // RFC 7946, 3.1.4
     CHECK(track["properties"]["coordTimes"][0][1] == "2026-09-21T14:13:30Z");
-    CHECK(told["features"][1]["properties"]["circular_error_m"] == 4000);
-    CHECK(told["features"][2]["properties"]["name"] == "<script>");
+    CHECK(parsed["features"][1]["properties"]["circular_error_m"] == 4000);
+    CHECK(parsed["features"][2]["properties"]["name"] == "<script>");
     CHECK(json::parse(to_geojson("", {}, {}, {}, {}))["features"][0]["geometry"]["coordinates"].empty());
 }
 
@@ -172,10 +172,10 @@ TEST_CASE("downloads from an archive have what is kept there, and what is not th
     auto csv = s.get("/vela/track.csv");
     CHECK_THAT(csv, Contains("27.5000000") && Contains(",gprs\r") && Contains("28.1000000"));
     auto lines = s.get("/vela/telemetry.ndjson");
-    auto told = json::parse(lines.substr(lines.find("\r\n\r\n") + 4));
-    CHECK(told["kind"] == "notice");
-    CHECK(told["packet"]["text"] == "hello");
-    CHECK(told["measured_at"] == "2026-09-21T14:13:20Z");
+    auto parsed = json::parse(lines.substr(lines.find("\r\n\r\n") + 4));
+    CHECK(parsed["kind"] == "notice");
+    CHECK(parsed["packet"]["text"] == "hello");
+    CHECK(parsed["measured_at"] == "2026-09-21T14:13:20Z");
 }
 
 TEST_CASE("times are read as people and programs write them") {

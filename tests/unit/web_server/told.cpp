@@ -240,8 +240,8 @@ TEST_CASE("page: where the Iridium gateway believes the boat to be is no history
     CHECK(from.measured_at == session);
     CHECK(from.received_at == session);
     // And so the page does not say that the boat was heard just now.
-    auto told = page.state().snapshot(session + 600s).data;
-    auto state = nlohmann::json::parse(told)["state"];
+    auto result = page.state().snapshot(session + 600s).data;
+    auto state = nlohmann::json::parse(result)["state"];
     CHECK(state["position"]["history"] == false);
     CHECK(state["heard"]["iridium"] == session.time_since_epoch().count());
 }

@@ -270,20 +270,20 @@ TEST_CASE(
         state.apply(atirma::power_update{{at, at, "xbee", false}, 12.5 + i, {}, 80.0 - i}, at);
         state.apply(atirma::signal_update{{at, at, "gprs", false}, "xbee", -70.0 - i}, at);
     }
-    auto told = json::parse(state.track_text());
-    CHECK(told["id"] == state.id());
-    auto& columns = told["columns"];
+    auto parsed = json::parse(state.track_text());
+    CHECK(parsed["id"] == state.id());
+    auto& columns = parsed["columns"];
     CHECK(columns["at"] == json::parse("[1,[1790000000000,4000,596000]]"));
     CHECK(columns["latitude_deg"] == json::parse("[1000000,[28000000,10,20]]"));
     CHECK(columns["longitude_deg"] == json::parse("[1000000,[-15000000,0,-20]]"));
     CHECK(columns["speed_mps"] == json::parse("[100,[150,null,0]]"));
     CHECK(columns["heel_deg"] == json::parse("[1,[null,null,null]]"));
     CHECK(columns["silence_s"] == json::parse("[1,[0,4,592]]"));
-    CHECK(told["histories"]["battery_charge_percent"]["value"] == json::parse("[100,[8000,-100,-100]]"));
-    CHECK(told["histories"]["signal_xbee"]["at"] == json::parse("[1,[1790000000000,20000,20000]]"));
+    CHECK(parsed["histories"]["battery_charge_percent"]["value"] == json::parse("[100,[8000,-100,-100]]"));
+    CHECK(parsed["histories"]["signal_xbee"]["at"] == json::parse("[1,[1790000000000,20000,20000]]"));
     // The newest reports come without it, and say where the stream goes on.
-    auto newest = json::parse(state.newest_text(start + 10min, told["id"].get<std::string>(), R"("more":1,)"));
-    CHECK(newest["id"] == told["id"]);
+    auto newest = json::parse(state.newest_text(start + 10min, parsed["id"].get<std::string>(), R"("more":1,)"));
+    CHECK(newest["id"] == parsed["id"]);
     CHECK(newest["more"] == 1);
     CHECK(newest["state"]["position"]["latitude_deg"] == 28.00003);
     CHECK(newest["state"]["signal"]["xbee"]["rssi_dbm"] == -72);
@@ -316,16 +316,16 @@ TEST_CASE("an outage stays one when the track is thinned, and a late fix ends it
 
 TEST_CASE("how a link is doing is told once, and when it was heard last with it") {
     atirma::track_state state;
-    atirma::feed_update told{"gprs", true, start, "", true, start - 3s};
-    CHECK(parsed(state.apply(told, start))["state"]["heard"]["gprs"] == (start - 3s).time_since_epoch().count());
-    told.last_heard = start - 1s;
-    told.since = start + 1s;
-    CHECK_FALSE(state.apply(told, start)); // the next status tells it
+    atirma::feed_update result{"gprs", true, start, "", true, start - 3s};
+    CHECK(parsed(state.apply(result, start))["state"]["heard"]["gprs"] == (start - 3s).time_since_epoch().count());
+    result.last_heard = start - 1s;
+    result.since = start + 1s;
+    CHECK_FALSE(state.apply(result, start)); // the next status tells it
     auto status = json::parse(state.status(start).data)["state"];
     CHECK(status["heard"]["gprs"] == (start - 1s).time_since_epoch().count());
     CHECK(status["feeds"][0]["since"] == start.time_since_epoch().count());
-    told.connected = false;
-    CHECK(state.apply(told, start));
+    result.connected = false;
+    CHECK(state.apply(result, start));
 }
 
 } // namespace track_state_test

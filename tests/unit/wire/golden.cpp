@@ -121,14 +121,14 @@ TEST_CASE("golden: control frames") {
                                                   "0d"
                                                   "02000000"
                                                   "6e6f");
-    introduction told{"helm", {1, 2}};
-    CHECK(frame_hex(frame_type::introduce, 3, told) == "1c00000014000000"
-                                                       "0300000000000000"
-                                                       "04000000"
-                                                       "68656c6d"
-                                                       "02000000"
-                                                       "0100000000000000"
-                                                       "0200000000000000");
+    introduction result{"helm", {1, 2}};
+    CHECK(frame_hex(frame_type::introduce, 3, result) == "1c00000014000000"
+                                                         "0300000000000000"
+                                                         "04000000"
+                                                         "68656c6d"
+                                                         "02000000"
+                                                         "0100000000000000"
+                                                         "0200000000000000");
     call_failure failed{4, 1, "x"};
     CHECK(frame_hex(frame_type::error, 0x100000002, failed) == "0700000012000000"
                                                                "0200000001000000"

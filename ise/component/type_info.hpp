@@ -15,7 +15,7 @@ struct type_service {
 
 /// A component type as it is described: what a program answers to `--describe`, and what an instantiation server
 /// tells. Packets: fields are only ever appended.
-struct type_text {
+struct type_info {
     std::string name; ///< "boat-simulator"
     std::string description;
     std::string path; ///< where it is found unless it is told another; may be empty
@@ -24,10 +24,10 @@ struct type_text {
     std::vector<std::string> variables; ///< environment variables that it reads and others may set
 };
 
-struct program_text {
+struct program_info {
     std::string program;
     std::string version;
-    std::vector<type_text> types;
+    std::vector<type_info> types;
     bool shares_process = false; ///< several of its components may run in one process
 };
 
