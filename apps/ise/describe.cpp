@@ -9,6 +9,8 @@
 #include <ise/component/introspection.hpp>
 #include <ise/service/action.hpp>
 #include <ise/service/resolver.hpp>
+#include <ise/service/service_host.hpp>
+#include <ise/service/session.hpp>
 
 #include <fmt/format.h>
 
@@ -59,6 +61,8 @@ struct description {
     if_any<std::string> role; ///< under which it was found, with all its members
     if_any<std::vector<described_member>> members;
     std::string path, state, host;
+    if_any<std::string> identity; ///< that was verified of it
+    if_any<std::string> user;
     std::uint64_t process_id = 0;
     std::string incarnation;
     std::string epoch; ///< beyond 2^53 a JSON number is not exact
@@ -92,7 +96,15 @@ described_service describe_one(const service_info& one) {
     return made;
 }
 
-description description_of(const component_info& about, const std::string& name, const resolution& who) {
+// What the session with it has verified.
+std::string identity_there(component& self, const component_info& about) {
+    for (const auto& [raw, held] : self.services().sessions())
+        if (held->peer().incarnation == about.incarnation) return held->verified().who;
+    return {};
+}
+
+description description_of(const component_info& about, const std::string& identity, const std::string& name,
+                           const resolution& who) {
     description made{.path = about.path,
                      .state = about.state,
                      .host = about.host_name,
@@ -106,6 +118,8 @@ description description_of(const component_info& about, const std::string& name,
                      .packets_published = about.packets_published,
                      .packets_dropped = about.packets_dropped,
                      .ended_subscriptions = about.ended_subscriptions};
+    if (!identity.empty()) made.identity = identity;
+    if (!about.user.empty()) made.user = about.user;
     if (who.role) {
         made.role = name;
         made.members.emplace();
@@ -156,10 +170,13 @@ std::string role_page(const std::string& role, const resolution& who, std::size_
     return fmt::format("{}  (role)\n", printable(role)) + rows.text(width, "  ") + "\n";
 }
 
-std::string component_page(const component_info& about, const std::string& name, std::size_t width) {
+std::string component_page(const component_info& about, const std::string& identity, const std::string& name,
+                           std::size_t width) {
     auto page =
         fmt::format("{}  {}\n", about.path.empty() ? "(anonymous)" : printable(about.path), printable(about.state));
-    page += fmt::format("  host       {}, process {}\n", printable(about.host_name), about.process_id);
+    page += fmt::format("  host       {}, process {}{}\n", printable(about.host_name), about.process_id,
+                        about.user.empty() ? "" : fmt::format(", user {}", printable(about.user)));
+    if (!identity.empty()) page += fmt::format("  identity   {}\n", printable(identity));
     std::string_view unsure =
         about.epoch != 0 && !about.confirmed ? ", unconfirmed: its lease could not be renewed" : "";
     page += fmt::format("  life       incarnation {}{}{}\n", hex(about.incarnation),
@@ -204,6 +221,7 @@ std::string component_page(const component_info& about, const std::string& name,
 task<> describe(context& in, describe_options options) {
     auto who = co_await reach(in, options.name);
     auto about = co_await ask_about(in, who);
+    const auto identity = identity_there(in.self, about);
     std::string text;
     if (options.names) {
         for (const auto& one : about.services)
@@ -212,10 +230,10 @@ task<> describe(context& in, describe_options options) {
         if (!options.all) std::erase_if(about.services, [](const auto& one) { return is_own_service(one.name); });
         auto members = co_await members_of(in, options.name);
         if (in.set.json) {
-            text = json_line(description_of(about, options.name, members));
+            text = json_line(description_of(about, identity, options.name, members));
         } else {
             if (members.role) text = role_page(options.name, members, in.out.width());
-            text += component_page(about, options.name, in.out.width());
+            text += component_page(about, identity, options.name, in.out.width());
         }
     }
     co_await in.out.write(in.self, std::move(text));

@@ -20,6 +20,7 @@ struct own_service {
 // what exactly.
 constexpr own_service known_services[] = {
     {"ise.access", action::read},
+    {"ise.calls", action::read},
     {"ise.change_parameters", action::set},
     {"ise.describe", action::read},
     {"ise.health", action::read},

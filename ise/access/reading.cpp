@@ -6,6 +6,7 @@
 #include <toml++/toml.h>
 
 #include <ise/access/policy.hpp>
+#include <ise/core/toml_text.hpp>
 
 #include <fmt/format.h>
 
@@ -292,6 +293,10 @@ std::shared_ptr<const policy> policy::parse(const std::string& text, const std::
                                             std::vector<remark>& problems) {
     if (text.size() > max_bytes) {
         problems.push_back({0, 0, fmt::format("{} bytes, {} are allowed", text.size(), max_bytes)});
+        return nullptr;
+    }
+    if (auto stray = stray_character(text)) {
+        problems.push_back({stray->line, stray->column, stray_character_text});
         return nullptr;
     }
     auto parsed = toml::parse(std::string_view(text), std::string_view(file));

@@ -8,6 +8,7 @@
 #include <ise/component/served_calls.hpp>
 #include <ise/core/async_run.hpp>
 #include <ise/core/limits.hpp>
+#include <ise/core/real/ownership.hpp>
 #include <ise/core/use_task.hpp>
 #include <ise/naming/name_resolver.hpp>
 #include <ise/service/session.hpp>
@@ -316,6 +317,7 @@ component_info component_runner::describe_self() const {
     made.epoch = services_->self().epoch;
     made.host_name = env_.identity().host_name;
     made.process_id = env_.identity().process_id;
+    if (!env_.is_virtual()) made.user = process_user();
     for (const auto& at : services_->listening()) made.endpoints.push_back(at.text());
     auto add = [&](const std::string& name, const packet_types& types, bool provided, bool declared) {
         service_info text;

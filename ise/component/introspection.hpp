@@ -98,6 +98,7 @@ struct component_info {
     std::vector<wait_info> waits;                             ///< present waits of any length
     std::vector<awaited_call_info> awaited; ///< calls that handlers wait for: the first `limit::described_calls`
     std::vector<served_call_info> served;   ///< requests that are not answered yet: as many
+    std::string user; ///< of the operating system, as which its process runs; empty in a virtual world
 };
 
 /// Every component provides it.

@@ -1,5 +1,7 @@
 #include <ise/deployment/toml.hpp>
 
+#include <ise/core/toml_text.hpp>
+
 #include <toml++/toml.h>
 
 #include <fmt/format.h>
@@ -84,6 +86,10 @@ std::string bare_word(const std::string& text, place& at) {
 
 value parse_toml(const std::string& text, const std::string& file, std::vector<problem>& problems) {
     converter made(file, problems);
+    if (auto stray = stray_character(text)) {
+        problems.push_back({place{file, stray->line, stray->column}, stray_character_text});
+        return {};
+    }
     auto parsed = toml::parse(std::string_view(text), std::string_view(file));
     if (parsed) return made.convert(parsed.table());
     auto at = made.place_of(parsed.error().source());

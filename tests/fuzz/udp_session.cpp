@@ -1,6 +1,7 @@
 // Any datagrams to one who listens and to one who has a session: nothing breaks, memory is bounded, and a stranger is
 // never answered at greater length than it asked. A byte of kind and two of length stand before each datagram.
 #include <ise/sim/world.hpp>
+#include <ise/transport/shared_key.hpp>
 #include <ise/transport/udp/channel.hpp>
 #include <ise/transport/udp/port.hpp>
 
@@ -64,13 +65,16 @@ void into_channel(ise::bytes_view input) {
     }
 }
 
-void into_port(ise::bytes_view input) {
+void into_port(ise::bytes_view input, bool seals) {
     static ise::sim::world world(1);
     static auto& process = world.host("boat").start_process("boat");
     static auto host = process.make_loop("main");
     auto socket = std::make_unique<silent_socket>();
     auto& wire = *socket;
-    auto at = std::make_shared<port>(host->loop(), std::move(socket), true);
+    static const auto key = ise::shared_key::make(std::string(64, 'k'), "a test").value();
+    port_security with;
+    if (seals) with.key = key;
+    auto at = std::make_shared<port>(host->loop(), std::move(socket), true, std::move(with));
     ise::datagram came;
     came.peer = ise::endpoint::parse("udp://10.0.0.9:4000").value();
     while (input.size() >= 3) {
@@ -79,7 +83,7 @@ void into_port(ise::bytes_view input) {
         input = input.subspan(3);
         length = std::min({length, input.size(), ise::wire::datagram_bytes - ise::wire::frame_header::size});
         ise::buffer out;
-        ise::wire::put_datagram(out, static_cast<ise::wire::datagram_type>(type % 12), length, input.first(length));
+        ise::wire::put_datagram(out, static_cast<ise::wire::datagram_type>(type % 16), length, input.first(length));
         input = input.subspan(length);
         came.content = out.to_bytes();
         auto before = wire.sent;
@@ -97,7 +101,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (data[0] % 2) {
         into_channel(input);
     } else {
-        into_port(input);
+        into_port(input, data[0] % 4 == 0);
     }
     return 0;
 }

@@ -21,13 +21,18 @@ namespace {
 
 constexpr int max_links = 40;
 
-std::string user_text(uid_t user) {
+// Empty: it has none.
+std::string name_of_user(uid_t user) {
     std::vector<char> room(16384);
     passwd entry{};
     passwd* found = nullptr;
-    if (::getpwuid_r(user, &entry, room.data(), room.size(), &found) != 0 || !found)
-        return fmt::format("user {}", user);
-    return fmt::format("{} (user {})", found->pw_name, user);
+    if (::getpwuid_r(user, &entry, room.data(), room.size(), &found) != 0 || !found) return {};
+    return found->pw_name;
+}
+
+std::string user_text(uid_t user) {
+    auto name = name_of_user(user);
+    return name.empty() ? fmt::format("user {}", user) : fmt::format("{} (user {})", name, user);
 }
 
 // Root's, or the one that a user has for himself (of his name), where a umask of 002 is usual.
@@ -175,6 +180,11 @@ result<void> check_own_file(const std::string& file, std::string_view doing) {
     auto own = check_own_path(::access(file.c_str(), F_OK) == 0 ? file : folder);
     if (own) return own;
     return failure(own.error().code(), fmt::format("cannot {} {}: {}", doing, file, own.error().message()));
+}
+
+std::string process_user() {
+    auto name = name_of_user(::geteuid());
+    return name.empty() ? fmt::format("{}", ::geteuid()) : name;
 }
 
 } // namespace ise

@@ -16,4 +16,7 @@ result<void> check_own_path(const std::string& path);
 /// failure begins with "cannot DOING FILE: ".
 result<void> check_own_file(const std::string& file, std::string_view doing);
 
+/// The user of this process by name, or by number where it has none.
+std::string process_user();
+
 } // namespace ise

@@ -11,6 +11,8 @@
 #include <functional>
 #include <limits>
 #include <optional>
+#include <pwd.h>
+#include <unistd.h>
 #include <utility>
 
 using namespace access_test;
@@ -55,7 +57,7 @@ struct atirma_shore : harbour {
 /// A process with the web host's certificate, and nothing else.
 class intruder {
 public:
-    explicit intruder(const harbour& there) : node_(env_, there.node_of("web")) {
+    explicit intruder(const harbour& there, const std::string& who = "web") : node_(env_, there.node_of(who)) {
         self_ = &node_.start("", [](ise::component&) -> ise::task<> { co_return; });
     }
     template <class Contract>
@@ -253,6 +255,27 @@ TEST_CASE("with the certificate of the web host nothing is started, stopped, set
     CHECK_THAT(look.out, Contains(R"("holder":"")"));
     CHECK(web.ask("atirma/communication", atirma::services::track, {}));
     CHECK(shore.ise("ana", {"stop", "atirma/shore/gprs"}).exit_code == 0);
+}
+
+TEST_CASE("access: describe shows identity and user, and a telecommand's record the verified operator") {
+    atirma_shore shore;
+    const auto* user = ::getpwuid(::geteuid());
+    const std::string name = user ? user->pw_name : std::to_string(::geteuid());
+    auto described = shore.ise("ana", {"describe", "atirma/shore/node"});
+    INFO(described.out << described.err);
+    CHECK_THAT(described.out, Contains("  identity   ise://atirma/shore\n") && Contains(", user " + name + "\n"));
+    auto boat = json::parse(shore.ise("ana", {"describe", "--json", "atirma/boat"}).out);
+    CHECK(boat["identity"] == "ise://atirma/boat");
+    CHECK(boat["user"] == name);
+
+    intruder ana(shore, "ana");
+    atirma::telecommand_request ping;
+    ping.command = atirma::boat_command(atirma::command_kind::ping);
+    REQUIRE(ana.ask("atirma/communication", atirma::services::telecommand, ping));
+    auto record = ana.ask("atirma/communication", atirma::services::telecommand_record, {});
+    REQUIRE(record);
+    REQUIRE(record->entries.size() == 1);
+    CHECK(record->entries.front().asked_as == "ise://atirma/operator/ana");
 }
 
 TEST_CASE("access: the page of a healthy A-Tirma gets what it shows and is refused nothing") {

@@ -297,6 +297,33 @@ who = ["web", "{ise://a/b"]
     CHECK_THAT(many, Contains("14:8: 'web' is no identity") && Contains("a '{' without its '}'"));
 }
 
+TEST_CASE("access: characters beyond ASCII are for strings and comments, and refused elsewhere with their place") {
+    for (const char* good : {
+             "# la política\nversion = 1 # año\n",
+             "version = 1\n[groups]\n\"ñ\" = [\"ise://a/ñ\", 'ise://a/\\', \"#\"] # ñ\n",
+             "version = 1\n[groups]\na = [\"\\\"ñ\\\\\"]\n",
+             "version = 1\n[groups]\na = [\"\"\"\nñ \" \"\" ñ\"\"\"\"\"]\n# ñ\n",
+             "version = 1\n[groups]\na = [\'\'\'ñ\\\'\'\']\n# ñ\n",
+             "\xEF\xBB\xBFversion = 1\n",
+         }) {
+        INFO(good);
+        CHECK_THAT(problems_of(good), !Contains("not ASCII"));
+    }
+    const std::pair<const char*, const char*> bad[] = {
+        {"version = 1\n  año = 1\n", "2:4: a character that is not ASCII"},
+        {"version = ñ\n", "1:11: "},
+        {"version = 1\nsystem = \"a#\"ø\n", "2:14: "},
+        {"version = 1\nsystem = \"\"ø\n", "2:12: "},
+        {"version = 1\nsystem = \"a\nø\"\n", "3:1: "},             // a string ends with its line
+        {"version = 1\nsystem = \"\"\"a\\\n  ø\"\"\"\n", "3:3: "}, // on the line that goes on
+        {"\xD6\x22", "1:1: "},
+    };
+    for (const auto& [text, where] : bad) {
+        INFO(text);
+        CHECK_THAT(problems_of(text), Contains(where));
+    }
+}
+
 TEST_CASE("access: any text is a policy or has something wrong with it") {
     std::vector<std::string> broken;
     for (std::size_t at = 0; at < usual.size(); at += 3) {

@@ -319,6 +319,63 @@ TEST_CASE("access: an edit that allows what is used lets no call fail meanwhile"
     CHECK(failed == 0);
 }
 
+// What a thousand callers that have a session each get while the policy changes.
+struct crowd {
+    static constexpr std::size_t callers = 1000;
+    sim_parties sea;
+    std::vector<party*> all;
+    std::size_t allowed = 0, failed = 0, refused = 0;
+    ise::time_point edited = ise::time_point::max(), last_denied_served{};
+
+    static std::string policy(const char* calls) {
+        return fmt::format("version = 1\n[[allow]]\nwho = \"nobody\"\nname = \"caller-*\"\ncall = \"boat:{}\"\n",
+                           calls);
+    }
+    ise::task<> call(party& by, ise::remote boat, ise::time_point until) {
+        set_mode mode{"hold"};
+        blob nothing;
+        while (by.on.now() < until) {
+            auto steered = co_await boat.try_call(helm, mode, 10s);
+            ++(steered ? allowed : failed);
+            auto echoed = co_await boat.try_call(echo, nothing, 10s);
+            if (echoed) last_denied_served = std::max(last_denied_served, by.on.now());
+            else if (echoed.error().code() == errc::access_denied) ++refused;
+            else ++failed;
+            co_await ise::sleep_for(by.on, 1s);
+        }
+    }
+};
+
+TEST_CASE("access: an edit reaches a thousand sessions within eleven seconds, and no call that stays allowed fails") {
+    crowd at;
+    at.sea.world.host("boat").write_file("access.toml", crowd::policy("{helm,echo}"));
+    ise::security_options with;
+    with.access_file = "access.toml";
+    auto& boat = at.sea.add("boat", {}, with);
+    boat.services->follow_access();
+    boat.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; });
+    boat.provide(echo, [](blob given) { return given; });
+    auto where = boat.listen("tcp://" + at.sea.world.host("boat").address() + ":7400");
+    std::vector<std::shared_ptr<started<void>>> running;
+    for (std::size_t n = 0; n < crowd::callers; ++n) {
+        auto& one = at.sea.add(fmt::format("caller-{}", n));
+        running.push_back(start(one.on, at.call(one, one.at(where), one.on.now() + 30s)));
+    }
+    at.sea.world.run_for(8s);
+    REQUIRE(boat.services->sessions().size() == crowd::callers);
+    REQUIRE(at.refused == 0);
+    at.sea.world.host("boat").write_file("access.toml", crowd::policy("helm"));
+    at.edited = boat.on.now();
+    REQUIRE(at.sea.world.run_until(
+        [&] { return std::ranges::all_of(running, [](const auto& one) { return one->done; }); }));
+    CHECK(at.failed == 0);
+    CHECK(at.allowed > 25 * crowd::callers);
+    CHECK(at.last_denied_served > at.edited);
+    CHECK(at.last_denied_served < at.edited + 11s);
+    CHECK(at.refused > 10 * crowd::callers);
+    CHECK(boat.services->counts().sessions_accepted == crowd::callers);
+}
+
 TEST_CASE("access: a file that cannot be used is one change, whatever time passes, and so is its correction") {
     sea at;
     at.write("boat", sea::open);

@@ -3,6 +3,10 @@
 
 #include <fmt/format.h>
 
+#include <fstream>
+#include <iterator>
+#include <test_folders.hpp>
+
 namespace reading_test {
 
 using namespace deployment_test;
@@ -192,6 +196,36 @@ TEST_CASE("what is no TOML is told with its place") {
     CHECK_THAT(files("name = 'a'\nname = 'b'\n").wrong(), Contains("sea.toml:2:") && Contains("name"));
     CHECK_THAT(files("name = 1979-05-27\n").wrong(), Contains("dates and times are no values here"));
     CHECK_THAT(files("").wrong(), Contains("no 'name'") && Contains("no host") && Contains("no component"));
+}
+
+TEST_CASE("characters beyond ASCII are for texts and comments, and refused elsewhere with their place") {
+    CHECK_THAT(files("# año\nname = 'ñandú' # ø\n").wrong(), !Contains("not ASCII"));
+    CHECK_THAT(files("name = 'a'\naño = 1\n").wrong(), Contains("sea.toml:2:2: a character that is not ASCII"));
+}
+
+TEST_CASE("A-Tirma's file gives the radio's key to the boat and to each proxy, and none unless one is set") {
+    auto find = [](const std::string& path) -> ise::result<std::string> {
+        std::ifstream in(path);
+        return std::string(std::istreambuf_iterator<char>(in), {});
+    };
+    const std::string file = std::string(ISE_SOURCE_DIR) + "/apps/atirma/atirma.toml";
+    auto keys = [&](const settings& given) {
+        std::map<std::string, std::string> made;
+        auto parsed = read_deployment(file, find, given);
+        for (const auto& one : parsed.problems) UNSCOPED_INFO(one.text());
+        REQUIRE(parsed.problems.empty());
+        for (const auto& one : parsed.made.components)
+            for (const auto& parameter : one.parameters)
+                if (parameter.name.text == "radio-key")
+                    for (const auto& value : parameter.values) made[one.request.path] = value.plain();
+        return made;
+    };
+    const std::map<std::string, std::string> wanted = {{"atirma/boat", "/etc/atirma/radio.key"},
+                                                       {"atirma/shore/xbee", "/etc/atirma/radio.key"},
+                                                       {"atirma/shore/gprs", "/etc/atirma/radio.key"},
+                                                       {"atirma/shore/iridium", "/etc/atirma/radio.key"}};
+    CHECK(keys({{"radio-key", "/etc/atirma/radio.key"}}) == wanted);
+    for (const auto& [path, key] : keys({})) CHECK(key.empty());
 }
 
 TEST_CASE("the error for a text without quotes asks for quotes") {

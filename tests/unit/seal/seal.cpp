@@ -389,6 +389,99 @@ TEST_CASE("with half of the frames lost, reboots and replays no command is execu
     }
 }
 
+// Boat and shore, and somebody between the two who has recorded everything, and changes, repeats and invents frames.
+struct swept_radio {
+    std::mt19937_64 random{20};
+    disk at_boat, ashore, elsewhere;
+    std::optional<boat_seal> boat;
+    std::optional<shore_seal> shore;
+    std::vector<ise::bytes> recorded; // of all sessions; each was accepted, or refused for a lost memory
+    std::uint64_t flipped = 0, repeated = 0, foreign = 0, reflected = 0, accepted = 0, reboots = 0, resyncs = 0;
+
+    std::uint64_t attacks() const { return flipped + repeated + foreign + reflected; }
+    void start_boat(bool with_memory) {
+        if (!with_memory) at_boat.boat.reset();
+        boat.emplace(a_key(), at_boat.boat, random(), at_boat.for_boat());
+        if (!at_boat.boat) at_boat.boat = boat->counters(); // as the boat does at its start
+        ++reboots;
+    }
+    void start_shore(bool with_memory) {
+        if (!with_memory) ashore.shore = {};
+        shore.emplace(a_key(), lane::primary, ashore.shore, ashore.for_shore());
+        ++reboots;
+    }
+    void record(const ise::bytes& frame) {
+        constexpr std::size_t kept = 4096;
+        if (recorded.size() < kept) recorded.push_back(frame);
+        else recorded[random() % kept] = frame;
+    }
+    ise::bytes flip(ise::bytes frame) {
+        for (auto bits = 1 + random() % 2, first = random(); bits > 0; --bits) {
+            auto bit = (first + bits * 13) % (frame.size() * 8);
+            frame[bit / 8] ^= static_cast<std::byte>(1u << bit % 8);
+        }
+        return frame;
+    }
+    void attack(const ise::bytes& now) {
+        for (int i = 0; i < 5; ++i) accepted += boat->open(flip(now)).has_value();
+        flipped += 5;
+        for (int i = 0; i < 3 && !recorded.empty(); ++i, ++repeated)
+            accepted += boat->open(recorded[random() % recorded.size()]).has_value();
+        for (const auto& key : {a_key("other"), a_key("atirma", 1), a_key("atirma", 0, 1)}) {
+            shore_seal other(key, lane::primary, {at_boat.boat->of, random() % 1000000}, elsewhere.for_shore());
+            accepted += boat->open(other.seal(command(1)).value()).has_value();
+            ++foreign;
+        }
+        auto back = boat->notice();
+        accepted += boat->open(back).has_value();
+        accepted += shore->open(now).has_value();
+        accepted += shore->open(flip(back)).has_value();
+        reflected += 2;
+        ++flipped;
+    }
+};
+
+TEST_CASE("of a sweep of flipped, repeated, foreign and reflected frames, with reboots, none is accepted, and a true "
+          "command is a resync away at most") {
+    auto count = from_environment("SEAL_SWEEP", 20000);
+    swept_radio air;
+    air.start_boat(false);
+    air.start_shore(false);
+    std::uint32_t id = 0;
+    std::vector<ise::bytes> notices;
+    while (air.attacks() < count) {
+        if (air.random() % 100 == 0) air.start_boat(air.random() % 2 == 0);
+        if (air.random() % 100 == 0) air.start_shore(air.random() % 2 == 0);
+        if (!notices.empty() && air.random() % 50 == 0) (void)air.shore->open(notices[air.random() % notices.size()]);
+        const auto plain = command(++id);
+        auto sealed = air.shore->seal(plain).value();
+        air.attack(sealed);
+        auto opened = air.boat->open(sealed);
+        if (!opened) { // somebody's memory was lost, or an old notice repeated
+            air.record(sealed);
+            REQUIRE(air.boat->take_notice_due());
+            notices.push_back(air.boat->notice());
+            if (notices.size() > 64) notices.erase(notices.begin());
+            REQUIRE(air.shore->open(notices.back()));
+            ++air.resyncs;
+            sealed = air.shore->seal(plain).value();
+            air.attack(sealed);
+            opened = air.boat->open(sealed);
+        }
+        REQUIRE(opened);
+        REQUIRE(*opened == plain);
+        REQUIRE_FALSE(air.boat->open(sealed));
+        air.record(sealed);
+        REQUIRE(air.accepted == 0);
+    }
+    CHECK(air.resyncs > 0);
+    CHECK(air.resyncs < id);
+    if (count >= 1000000)
+        WARN(air.flipped << " flipped, " << air.repeated << " repeated, " << air.foreign << " foreign, "
+                         << air.reflected << " reflected: " << air.accepted << " accepted; " << id
+                         << " commands obeyed, " << air.resyncs << " after a resync; " << air.reboots << " starts");
+}
+
 TEST_CASE("a key file is read as it was written, and errors do not quote the key") {
     auto key = a_key("atirma", 5);
     auto read = parse_keys(format_key(key), "radio.key");
