@@ -406,6 +406,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
             call.outcome = packet->outcome;
             call.message = packet->message;
             call.took = packet->took;
+            call.deadline = packet->deadline;
             call.request = packet->request;
             if (packet->outcome == "ok") call.response = packet->response;
             me->put(found->second, encode_call(call), nanoseconds(packet->asked_at));
