@@ -24,7 +24,7 @@ namespace ise::bag {
 namespace {
 
 constexpr duration presence_check = std::chrono::milliseconds(10);
-constexpr duration subscribe_again = std::chrono::milliseconds(100);
+constexpr duration subscribe_again = std::chrono::milliseconds(5);
 
 // A call of the recording.
 struct known_call {
