@@ -1,6 +1,7 @@
 #include <ise/bag/player.hpp>
 
 #include <ise/component/component.hpp>
+#include <ise/component/names_watch.hpp>
 #include <ise/component/provide_dynamic.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/loop.hpp>
@@ -18,12 +19,13 @@
 #include <deque>
 #include <functional>
 #include <mutex>
+#include <set>
 #include <utility>
 
 namespace ise::bag {
 namespace {
 
-constexpr duration presence_check = std::chrono::milliseconds(10);
+constexpr duration presence_check = std::chrono::milliseconds(5);
 constexpr duration subscribe_again = std::chrono::milliseconds(5);
 
 // A call of the recording.
@@ -86,6 +88,7 @@ struct player::shared {
     std::vector<std::string> paths;
     std::map<std::string, std::map<std::string, answer_book>> books; // by component and service
     std::map<std::string, std::vector<known_call>> calls; // to tested components, by the component that calls
+    std::set<std::string> registered;                     // names that are there now, in the virtual world
     time_point start{};
     std::atomic<unsigned> running{0};
     std::atomic<std::uint64_t> packets{0}, answered{0}, unknown{0}, called{0}, compared{0};
@@ -374,7 +377,10 @@ task<> compare(component& self, std::shared_ptr<Shared> of, std::shared_ptr<cons
         made.number = number;
         received<dynamic_packet> packet;
         while (!packet) {
-            if (!stream) {
+            // A subscription that waits for a name tries again after longer and longer times.
+            while (!stream && !over && of->as_recorded() && !of->registered.contains(of->renamed(which->component())))
+                co_await self.sleep(presence_check);
+            if (!stream && !over) {
                 auto request = default_packet(contract.packet(role::subscribe_request));
                 stream = co_await subscribe_dynamic(who, contract, std::move(request), terms);
             }
@@ -504,6 +510,17 @@ void note_missing_calls(Shared& of) {
 }
 
 template <class Shared>
+task<> watch_registered(component& self, std::shared_ptr<Shared> of) {
+    auto on_names = [of](const naming::name_events& news) {
+        for (const auto& one : news.events) {
+            if (one.what == naming::name_change::removed) of->registered.erase(one.name.path);
+            else of->registered.insert(one.name.path);
+        }
+    };
+    return watch_names(self, of->in.options().name_servers, on_names, {});
+}
+
+template <class Shared>
 task<> test_components(component& self, std::shared_ptr<Shared> of, std::vector<coming> events) {
     {
         running_part<Shared> counted(of);
@@ -511,7 +528,10 @@ task<> test_components(component& self, std::shared_ptr<Shared> of, std::vector<
         for (const auto& [id, topic] : of->topics)
             if (topic->what() == content::packets && of->tested(topic->component()) && of->compares(*topic))
                 self.spawn("compare " + topic->name(), compare(self, of, topic, id));
-        if (of->as_recorded()) self.spawn("names", follow_names(self, of, std::move(events)));
+        if (of->as_recorded()) {
+            self.spawn("registered names", watch_registered(self, of));
+            self.spawn("names", follow_names(self, of, std::move(events)));
+        }
         co_await make_calls(self, of, std::string());
         if (of->as_recorded()) {
             const auto end = of->due(of->about.statistics.message_end_time);

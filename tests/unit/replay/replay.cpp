@@ -185,7 +185,7 @@ TEST_CASE("a component that goes and comes back in a recording does so in the re
 
 TEST_CASE("a component under test that was started anew in a recording is started anew in the replay", "[replay]") {
     folder tmp;
-    { record_voyage(tmp.file("a.mcap")); }
+    record_voyage(tmp.file("a.mcap"), fault::none, restarted::navigator);
     int made = 0;
     auto options = with(fault::none);
     auto make = options.components[0].make;
