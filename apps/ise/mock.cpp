@@ -74,9 +74,9 @@ task<dynamic_packet> packet_of(context& in, schema of, const nlohmann::json& jso
 }
 
 task<std::vector<rule>> rules_of(context& in, dynamic_contract service, std::string text) {
-    nlohmann::json output;
+    nlohmann::json document;
     try {
-        output = nlohmann::json::parse(text);
+        document = nlohmann::json::parse(text);
     } catch (const nlohmann::json::parse_error& wrong) {
         throw problem(exit_code::mismatch, "malformed",
                       fmt::format("what '{}' is to say is no JSON: {}", service.name(), wrong.what()));
@@ -84,14 +84,14 @@ task<std::vector<rule>> rules_of(context& in, dynamic_contract service, std::str
     const bool calls = service.kind() == service_kind::request_response;
     const auto& answer = service.packet(calls ? role::response : role::published);
     std::vector<rule> rules;
-    if (!output.is_array()) {
+    if (!document.is_array()) {
         rule one;
-        one.response = co_await packet_of(in, answer, output);
+        one.response = co_await packet_of(in, answer, document);
         rules.push_back(std::move(one));
         co_return rules;
     }
     std::size_t number = 0;
-    for (const auto& item : outcome) {
+    for (const auto& item : document) {
         ++number;
         rule one;
         if (!item.is_object()) throw wrong_rule(service.name(), number, "is no object");

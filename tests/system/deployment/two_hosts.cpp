@@ -127,7 +127,7 @@ std::string two_hosts::file(const std::string& name, const std::string& text) {
 
 json two_hosts::state(const std::string& path) {
     json found;
-    for (auto& one : result({"ps", path}))
+    for (auto& one : json_of({"ps", path}))
         if (one["path"] == path && (found.is_null() || one["process_id"] != 0)) found = one;
     return found;
 }

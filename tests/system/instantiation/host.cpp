@@ -109,7 +109,7 @@ void host::deafen(const std::string& path) {
 }
 
 json host::state(const std::string& path) {
-    for (auto& one : result({"ps", path}))
+    for (auto& one : json_of({"ps", path}))
         if (one["path"] == path) return one;
     FAIL("there is no instance " << path);
     return {};
