@@ -11,7 +11,8 @@ install(TARGETS ise EXPORT iseTargets
   INCLUDES DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
 # What is not in ise::ise has no headers here either, but for the services that drive an instantiation server.
 install(DIRECTORY "${PROJECT_SOURCE_DIR}/ise" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" FILES_MATCHING PATTERN "*.hpp"
-  PATTERN "instantiation" EXCLUDE PATTERN "deployment" EXCLUDE PATTERN "bag" EXCLUDE)
+  PATTERN "instantiation" EXCLUDE PATTERN "deployment" EXCLUDE PATTERN "bag" EXCLUDE
+  PATTERN "replay" EXCLUDE)
 install(FILES "${PROJECT_SOURCE_DIR}/ise/instantiation/services.hpp" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}/ise/instantiation")
 install(EXPORT iseTargets NAMESPACE ise:: DESTINATION "${ise_package_dir}")
 

@@ -2,6 +2,7 @@
 #include "hosting.hpp"
 #include "keys.hpp"
 #include "observer.hpp"
+#include "replaying.hpp"
 
 #include <apps/program_options.hpp>
 #include <components/boat/decoded_telemetry.hpp>
@@ -176,6 +177,30 @@ int obey(int count, char** words) {
     runs->require_subcommand(1, 0);
     atirma::add_components(*runs, wanted, std::move(types));
 
+    atirma::replay_request replaying;
+    auto* replays = app.add_subcommand("replay", "replay a recording into components on the virtual clock, and show "
+                                                 "the first thing that they do otherwise");
+    replays->add_option("recording", replaying.file, "a file of `ise record`")->required();
+    replays
+        ->add_option("--ignore", replaying.ignored,
+                     "a field that is not compared: store, telemetry/store for one service, communication/* for all of "
+                     "a service; may be given several times")
+        ->allow_extra_args(false);
+    replays
+        ->add_option("--only", replaying.only,
+                     "this component or topic, or those below it, is played and compared; may be given several times")
+        ->allow_extra_args(false);
+    replays->add_option("--out", replaying.out, "a recording of what the components do now");
+    add_log_level(*replays, replaying.level);
+    replays->require_subcommand(1, 0);
+    atirma::add_components(*replays, wanted, atirma::component_types(say));
+    replays->footer(
+        "The components are those of `atirma run`, under the paths of the recording. Files of stores are real: give "
+        "new ones, or memory:NAME.\n"
+        "Exit codes: 0 no difference, 1 a difference or a failure, 2 wrong arguments.\n"
+        "Example: atirma replay voyage.mcap --ignore store communication-node --path atirma/shore/node-1 --file "
+        "memory:node");
+
     atirma::observer_options observer;
     double length_s = 30;
     std::string page;
@@ -270,6 +295,7 @@ int obey(int count, char** words) {
     observer.length = std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(length_s));
     try {
         if (checks->parsed()) return check_store(file);
+        if (replays->parsed()) return atirma::replay(replaying, wanted, say) ? 0 : 1;
         if (decodes->parsed()) return decode_input();
         if (new_key->parsed()) return atirma::new_radio_key(file, boat);
         if (show_key->parsed()) return atirma::show_radio_key(file);

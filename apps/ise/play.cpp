@@ -10,8 +10,12 @@
 
 #include <fmt/format.h>
 
+#include <cerrno>
+#include <cstring>
 #include <memory>
 #include <utility>
+
+#include <unistd.h>
 
 namespace ise::cli {
 namespace {
@@ -19,6 +23,7 @@ namespace {
 struct play_options {
     bag::player_options what;
     std::vector<std::string> renamed;
+    std::string into = "live";
 };
 
 struct play_answer {
@@ -95,6 +100,27 @@ task<> play(context& in, play_options options) {
         throw problem(exit_code::failed, "different", "the tested components behave otherwise than in the recording");
 }
 
+// `ise` has no components of users: the program that has them replays.
+[[noreturn]] void replay_with(const play_options& options, std::vector<std::string> program) {
+    if (program.empty())
+        throw problem(exit_code::usage, "usage", "--into sim: name the program that has the components",
+                      "such as: ise play voyage.mcap --into sim atirma communication-node --path atirma/shore/node-1");
+    if (!options.renamed.empty() || !options.what.tested.empty() || options.what.speed != 1 || options.what.loop)
+        throw problem(exit_code::usage, "usage",
+                      "--into sim: components are tested under their own paths, once, as fast as possible",
+                      "leave out --rename, --test, --speed and --loop");
+    std::vector<std::string> words{program.front(), "replay", options.what.file};
+    for (const auto& one : options.what.only) words.insert(words.end(), {"--only", one});
+    words.insert(words.end(), program.begin() + 1, program.end());
+    std::vector<char*> raw;
+    for (auto& one : words) raw.push_back(one.data());
+    raw.push_back(nullptr);
+    ::execvp(raw.front(), raw.data());
+    throw problem(exit_code::failed, "program",
+                  fmt::format("cannot run {}: {}", printable(program.front()), std::strerror(errno)),
+                  "name a program that has the command `replay`, such as atirma");
+}
+
 void declare_play(CLI::App& app, parsed_command& made) {
     auto given = std::make_shared<play_options>();
     auto& what = given->what;
@@ -106,7 +132,17 @@ void declare_play(CLI::App& app, parsed_command& made) {
              "a component that runs: recorded calls to it are made, and what it does is compared", "PATH");
     app.add_option("--speed", what.speed, "2: twice as fast (default: 1)")->type_name("FACTOR");
     app.add_flag("--loop", what.loop, "begin again at the end");
-    app.callback([&made, given] {
+    app.add_option("--into", given->into,
+                   "live: the running system; sim: components on the virtual clock, by `PROGRAM replay FILE ...`: the "
+                   "program and its words follow (default: live)")
+        ->check(CLI::IsMember({"live", "sim"}));
+    app.prefix_command();
+    app.callback([&app, &made, given] {
+        auto rest = app.remaining();
+        if (given->into == "sim") replay_with(*given, std::move(rest));
+        if (!rest.empty())
+            throw problem(exit_code::usage, "usage", fmt::format("'{}' is not expected", printable(rest.front())),
+                          "a program follows --into sim only");
         if (!(given->what.speed > 0 && given->what.speed <= 1e9))
             throw problem(exit_code::usage, "usage", "--speed: a number above 0, such as 0.5 or 10");
         for (const auto& one : given->renamed) {
@@ -123,10 +159,11 @@ void declare_play(CLI::App& app, parsed_command& made) {
 } // namespace
 
 extern const command play_command{
-    "play", record_group, "plays a recording into the running system",
+    "play", record_group, "plays a recording into the running system, or into components on the virtual clock",
     "  ise play voyage.mcap\n"
     "  ise play voyage.mcap --only atirma/boat --rename atirma/boat=replay/boat --speed 10\n"
-    "  ise play voyage.mcap --test atirma/navigator\n",
+    "  ise play voyage.mcap --test atirma/navigator\n"
+    "  ise play voyage.mcap --into sim atirma communication-node --path atirma/shore/node-1 --file memory:node\n",
     declare_play};
 
 } // namespace ise::cli

@@ -113,7 +113,7 @@ int main(int argc, char** argv) {
     app.formatter(std::make_shared<wrapped_help>());
     std::uint64_t seed = 1;
     double hours = 10;
-    std::string out, wind;
+    std::string out, wind, record;
     app.add_option("--seed", seed, "random seed; the same seed gives the same report")->capture_default_str();
     app.add_option("--hours", hours, "virtual hours")->check(CLI::Range(0.25, 100.0))->capture_default_str();
     app.add_option(
@@ -122,6 +122,7 @@ int main(int argc, char** argv) {
         ->required();
     app.add_option("--wind", wind, "recorded wind as CSV (t_s, tws_kn or tws_mps, twd_deg); default: by the seed")
         ->check(CLI::ExistingFile);
+    app.add_option("--record", record, "a recording (MCAP) of the packets and calls of the voyage, for a replay");
     CLI11_PARSE(app, argc, argv);
     try {
         std::filesystem::create_directories(out);
@@ -131,6 +132,7 @@ int main(int argc, char** argv) {
         stress::voyage_options options;
         options.seed = seed;
         options.length = std::chrono::minutes(static_cast<long>(hours * 60 + 0.5));
+        options.record = record;
         if (!wind.empty()) {
             options.wind_csv = read(wind);
             atirma::simulator::parse_wind_csv(options.wind_csv, wind).value(); // what is wrong is said here

@@ -1,5 +1,8 @@
 #include "voyage.hpp"
 
+#include <ise/bag/recorder.hpp>
+#include <ise/component/served_calls.hpp>
+#include <ise/core/error.hpp>
 #include <ise/service/service_host.hpp>
 
 #include <components/xbee_link/services.hpp>
@@ -59,6 +62,7 @@ voyage::voyage(voyage_options options) : options_(std::move(options)), world_(op
             if (one.by == i) told_.people[i].orders.push_back(one);
     }
     start_names();
+    if (!options_.record.empty()) start_recorder();
     start_sea();
     start_shore();
     start_people();
@@ -83,14 +87,16 @@ void voyage::record(const ise::log_record& said) {
 void voyage::start(const std::string& path, const std::string& host, maker make) {
     auto& here = places_[path];
     auto name = path.substr(path.rfind('/') + 1);
-    here.process = &world_.host(host).start_process(
-        name, [this, path, make = std::move(make)](ise::sim::process& env) -> std::shared_ptr<void> {
-            auto node = std::make_shared<ise::node>(env, node_options());
-            ise::component_options everywhere;
-            everywhere.listen = {ise::endpoint::parse("tcp://0.0.0.0:0").value()};
-            places_[path].component = &make(*node, std::move(everywhere));
-            return node;
-        });
+    std::map<std::string, std::string> variables;
+    if (!options_.record.empty()) variables[ise::record_calls_variable] = "1";
+    auto run = [this, path, make = std::move(make)](ise::sim::process& env) -> std::shared_ptr<void> {
+        auto node = std::make_shared<ise::node>(env, node_options());
+        ise::component_options everywhere;
+        everywhere.listen = {ise::endpoint::parse("tcp://0.0.0.0:0").value()};
+        places_[path].component = &make(*node, std::move(everywhere));
+        return node;
+    };
+    here.process = &world_.host(host).start_process(name, std::move(run), std::move(variables));
 }
 
 void voyage::start_names() {
@@ -107,6 +113,21 @@ void voyage::start_names() {
                 &node->start<ise::name_server>(std::string(ise::naming::server_path), where, terms);
             return node;
         });
+}
+
+void voyage::start_recorder() {
+    world_.host("recorder").start_process("recorder", [this](ise::sim::process& env) -> std::shared_ptr<void> {
+        auto node = std::make_shared<ise::node>(env, node_options());
+        ise::bag::recorder_options options;
+        options.files.file = options_.record;
+        options.name_servers = node->options().name_servers;
+        ise::component_options quiet;
+        quiet.listens = false;
+        quiet.registers = false;
+        node->start<ise::bag::recorder>("recorder", quiet, options);
+        recording_ = node.get();
+        return node;
+    });
 }
 
 /// What the script has still to do waits in the world too, and is counted.
@@ -247,6 +268,11 @@ void voyage::sail() {
         tell(1);
     }
     told_.calm = world_.elapsed() - ended;
+    if (!recording_) return;
+    recording_->stop();
+    world_.run_until([this] { return recording_->all_stopped(); });
+    for (const auto& one : recording_->reports())
+        if (!one.failure.empty()) throw ise::error(ise::errc::io_failed, one.failure);
 }
 
 /// What was owed at the end has come, and everybody knows of it. What comes meanwhile is new, and so the answer is one

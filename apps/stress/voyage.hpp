@@ -26,6 +26,7 @@ struct voyage_options {
     std::uint64_t seed = 1;
     ise::duration length = std::chrono::hours(10);
     std::string wind_csv;       ///< the content of a recorded series; empty: seeded
+    std::string record;         ///< a recording of packets and calls of the whole deployment; empty: none
     double xbee_range_m = 2000; ///< from the beach; beyond, nothing is heard
     /// Called with each sample, for what only this machine can measure; `tracks`: bytes that the
     /// consoles' tracks take.
@@ -66,6 +67,7 @@ private:
 
     void start(const std::string& path, const std::string& host, maker make);
     void start_names();
+    void start_recorder();
     void start_sea();
     void start_shore();
     void start_people();
@@ -103,6 +105,7 @@ private:
     std::size_t range_episode_ = 0, boat_lives_ = 0, still_to_come_ = 0;
     ise::sim::world world_;
     director* director_ = nullptr;
+    ise::node* recording_ = nullptr;
 };
 
 } // namespace atirma::stress

@@ -43,6 +43,8 @@ span span::after_warm_up(const options& asked) {
 
 namespace {
 
+bool dynamic(const options& asked) { return asked.kind == "ise-dynamic"; }
+
 ise::endpoint listen_at(const std::string& transport) {
     auto unique = std::to_string(::getpid());
     if (transport == "tcp") return ise::endpoint::parse("tcp://127.0.0.1:0").value();
@@ -53,7 +55,8 @@ ise::endpoint listen_at(const std::string& transport) {
 }
 
 ise::endpoint start_server(ise::node& node, const options& asked) {
-    auto made = asked.work == "call"      ? make_call_server(asked)
+    auto made = dynamic(asked)            ? make_dynamic_server(asked)
+                : asked.work == "call"    ? make_call_server(asked)
                 : asked.work == "publish" ? make_publisher(asked)
                 : asked.work == "paced"   ? make_pacer(asked)
                                           : make_memory_teller();
@@ -91,7 +94,8 @@ outcome measure(const options& asked) {
     ise::real_environment env;
     ise::node node(env, node_options_for(asked));
     const auto server = in_process(asked) ? start_server(node, asked) : ise::endpoint::parse(asked.connect).value();
-    if (asked.work == "call") start_callers(node, asked, server, found);
+    if (dynamic(asked)) start_dynamic_caller(node, asked, server, found);
+    else if (asked.work == "call") start_callers(node, asked, server, found);
     else if (asked.work == "publish") start_subscribers(node, asked, server, found);
     else if (asked.work == "idle") start_idlers(node, asked, server, found);
     else start_listener_of_pacer(node, asked, server, found);
@@ -107,8 +111,11 @@ outcome measure(const options& asked) {
 int main(int argc, char** argv) {
     try {
         auto asked = bench::parse_options(argc, argv);
-        if (asked.kind != "ise" && asked.kind != "ise-fast" && asked.kind != "ise-poll")
-            throw std::invalid_argument("bench_ise has the kinds ise, ise-fast and ise-poll, not " + asked.kind);
+        if (asked.kind != "ise" && asked.kind != "ise-fast" && asked.kind != "ise-poll" && asked.kind != "ise-dynamic")
+            throw std::invalid_argument("bench_ise has the kinds ise, ise-fast, ise-poll and ise-dynamic, not " +
+                                        asked.kind);
+        if (asked.kind == "ise-dynamic" && (asked.work != "call" || asked.outstanding != 1 || asked.services != 1))
+            throw std::invalid_argument("kind ise-dynamic calls one service, one call after the other");
         bench::allow_descriptors();
         if (asked.work == "names") asked.serve ? bench::serve_names(asked) : bench::measure_names(asked);
         else if (asked.serve) bench::serve(asked);

@@ -12,11 +12,12 @@ namespace bench {
 /// Of kind `ise`, a program is written as the documentation writes it: handlers are coroutines, `co_await call`,
 /// `co_await send`, `co_await next`. Of kind `ise-fast` it uses what the interface offers to those in a hurry: plain
 /// functions as handlers, calls with a callback, `try_send`, `try_next`. Kind `ise-poll` is `ise` on nodes that poll
-/// for 50 µs.
+/// for 50 µs. Kind `ise-dynamic` calls, one after the other, a service whose packets neither side has headers of.
 bool in_a_hurry(const options& asked);
 
 /// The component that serves one kind of work: the other side of a measurement.
 std::unique_ptr<ise::component> make_call_server(const options& asked);
+std::unique_ptr<ise::component> make_dynamic_server(const options& asked);
 std::unique_ptr<ise::component> make_publisher(const options& asked);
 std::unique_ptr<ise::component> make_pacer(const options& asked);
 std::unique_ptr<ise::component> make_memory_teller();
@@ -24,6 +25,7 @@ std::unique_ptr<ise::component> make_memory_teller();
 /// Components of the measuring side; each tells its outcome to the collector.
 class collector;
 void start_callers(ise::node& node, const options& asked, const ise::endpoint& server, collector& into);
+void start_dynamic_caller(ise::node& node, const options& asked, const ise::endpoint& server, collector& into);
 void start_subscribers(ise::node& node, const options& asked, const ise::endpoint& server, collector& into);
 void start_listener_of_pacer(ise::node& node, const options& asked, const ise::endpoint& server, collector& into);
 void start_idlers(ise::node& node, const options& asked, const ise::endpoint& server, collector& into);

@@ -303,21 +303,48 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
             if (calls) self.spawn("calls of " + path, record_calls(me, path, *reply));
             else self.spawn("record " + name, record(me, path, *contract));
         }
-        if (me->options.parameters) co_await note_parameters(me, who, path);
+        const bool has_parameters = std::ranges::any_of(reply->services, [](const auto& service) {
+            return service.provided && service.name == parameters_service.name();
+        });
+        if (has_parameters && me->options.parameters && me->followed.insert(parameters_key(path)).second)
+            self.spawn("parameters of " + path, follow_parameters(me, path));
     }
 
-    static task<> note_parameters(std::shared_ptr<state> me, remote who, std::string path) {
-        parameters_request question;
-        auto reply = co_await who.try_call(parameters_service, question, question_limit);
-        if (!reply) co_return; // it has none
-        for (const auto& one : reply->parameters) {
+    void note_parameters(const std::string& path, const parameters_response& now) {
+        for (const auto& one : now.parameters) {
             parameter_event event;
             event.component = path;
             event.name = one.about.name;
             event.values = one.values;
             event.unit = one.about.unit;
-            me->note(me->parameters, event);
+            note(parameters, event);
         }
+    }
+
+    // Its parameters as they are, and then each change.
+    static task<> follow_parameters(std::shared_ptr<state> me, std::string path) {
+        auto who = me->self.at(path);
+        auto terms = subscribe_options::last(1024);
+        terms.last_value = false;
+        subscriber<std::remove_const_t<decltype(parameter_changes_service)>> changes;
+        bool follows = true;
+        try {
+            changes = co_await who.subscribe(parameter_changes_service, terms);
+        } catch (const error&) { // of an earlier version
+            follows = false;
+        }
+        parameters_request question;
+        auto reply = co_await who.try_call(parameters_service, question, question_limit);
+        if (reply) me->note_parameters(path, *reply);
+        while (follows) {
+            auto changed = co_await changes.next();
+            if (!changed) break;
+            me->note_parameters(path, *changed);
+        }
+        me->end(parameters_key(path));
+    }
+    static std::string parameters_key(const std::string& path) {
+        return fmt::format("{}/{}", path, parameters_service.name());
     }
 
     std::shared_ptr<const topic> topic_of(const std::string& path, const dynamic_contract& service) {
@@ -406,6 +433,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
             call.outcome = packet->outcome;
             call.message = packet->message;
             call.took = packet->took;
+            call.deadline = packet->deadline;
             call.request = packet->request;
             if (packet->outcome == "ok") call.response = packet->response;
             me->put(found->second, encode_call(call), nanoseconds(packet->asked_at));

@@ -32,6 +32,7 @@ struct call_head {
     std::string outcome;
     std::string message;
     duration took{};
+    duration deadline{};
 };
 
 } // namespace
@@ -60,6 +61,7 @@ bytes encode_call(const recorded_call& call) {
     head.outcome = call.outcome;
     head.message = call.message;
     head.took = call.took;
+    head.deadline = call.deadline;
     auto made = ise::encode(head);
     made.insert(made.end(), call.request.begin(), call.request.end());
     made.push_back(static_cast<std::byte>(call.response ? 1 : 0));
@@ -75,6 +77,7 @@ result<recorded_call> decode_call(const dynamic_contract& service, bytes_view pa
         made.outcome = all.field("outcome").as_string();
         made.message = all.field("message").as_string();
         made.took = duration(all.field("took").as_int());
+        made.deadline = duration(all.field("deadline").as_int());
         auto request = all.field("request").raw();
         made.request.assign(request.begin(), request.end());
         auto response = all.field("response");

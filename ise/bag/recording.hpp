@@ -56,12 +56,13 @@ private:
 };
 
 /// A call in a recording. Its packet has these fields, with request and response as the service's own packets:
-/// `struct call{caller,outcome,message,took,request,response:optional<…>}`.
+/// `struct call{caller,outcome,message,took,deadline,request,response:optional<…>}`.
 struct recorded_call {
     std::string caller;
     std::string outcome; ///< "ok", or the name of an errc
     std::string message; ///< of a failure
     duration took{};
+    duration deadline{}; ///< that its caller had left when the request was read; zero: none
     bytes request;
     std::optional<bytes> response; ///< where the outcome is "ok"
 };

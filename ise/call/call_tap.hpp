@@ -20,6 +20,7 @@ struct tapped_call {
     std::string caller;   ///< its path and its address, for people
     wall_time asked_at{}; ///< when the request was read
     duration took{};      ///< until the answer
+    duration deadline{};  ///< until its caller gives it up, from `asked_at` on; zero: never
     std::string outcome;  ///< "ok", or the name of an errc
     std::string message;  ///< of a failure
     bytes request;        ///< in the provider's layout

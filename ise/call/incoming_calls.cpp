@@ -30,7 +30,7 @@ struct answer_room {
 call_taps& taps_of(service_runtime& runtime) { return runtime.on().common<call_taps>(); }
 
 // Notes the beginning of a call for whoever records it.
-void tap(const incoming_calls& at, service_runtime& runtime, const std::string& service, std::uint64_t id,
+void tap(const incoming_calls& at, service_runtime& runtime, const std::string& service, const incoming_call& call,
          std::string caller, incoming_packet& request) {
     auto& taps = taps_of(runtime);
     if (!taps.watches(runtime) || service.starts_with("ise.")) return;
@@ -38,13 +38,15 @@ void tap(const incoming_calls& at, service_runtime& runtime, const std::string& 
     made.service = service;
     made.caller = std::move(caller);
     made.asked_at = runtime.env().wall();
+    const auto now = runtime.on().now();
+    if (call.deadline != time_point::max()) made.deadline = call.deadline - now;
     try {
         auto raw = request.bytes();
         made.request.assign(raw.begin(), raw.end());
     } catch (const std::exception&) { // the handler's decoder says why; there is nothing to record
         return;
     }
-    taps.begin(&at, id, std::move(made), runtime.on().now());
+    taps.begin(&at, call.id, std::move(made), now);
 }
 
 void tap_end(const incoming_calls& at, service_runtime& runtime, std::uint64_t id, std::string outcome,
@@ -293,7 +295,7 @@ void incoming_calls::observe(running_call& which, incoming_call& call, incoming_
     }
     if (!call_taps::any()) return;
     request.adapt = call.adapt;
-    tap(*this, runtime, which.of->name, which.id, over_.caller_name(), request);
+    tap(*this, runtime, which.of->name, call, over_.caller_name(), request);
 }
 
 void incoming_calls::observe_end(std::uint64_t id, errc outcome, std::string_view message,

@@ -3,10 +3,12 @@
 #include <ise/access/guard.hpp>
 #include <ise/component/component.hpp>
 #include <ise/service/service_host.hpp>
+#include <ise/subscription/publication.hpp>
 
 #include <fmt/format.h>
 
 #include <set>
+#include <type_traits>
 
 namespace ise {
 namespace {
@@ -39,6 +41,10 @@ live_parameters::live_parameters(parameter_set set, std::function<void(component
 
 void live_parameters::offer(service_host& host, component& of) {
     auto add = [&](std::shared_ptr<call_service> service) { host.services().add(std::move(service)).value(); };
+    auto changes = make_publication(host, parameter_changes_service);
+    host.services().add(changes).value();
+    tell_change_ = [out = publication<std::remove_const_t<decltype(parameter_changes_service)>>(changes)](
+                       const parameters_response& now) { out(now); };
     add(make_call_service(host, parameters_service,
                           [this](const parameters_request& asked) { return tell(asked.names); }));
     add(make_call_service(host, change_parameters_service,
@@ -76,7 +82,9 @@ parameters_response live_parameters::change(component& of, const std::vector<par
     }
     for (const auto& [name, value] : wanted)
         of.log().info("a parameter was changed", {{"name", name}, {"value", value}});
-    return tell({names.begin(), names.end()});
+    auto now = tell({names.begin(), names.end()});
+    if (tell_change_) tell_change_(now);
+    return now;
 }
 
 } // namespace ise

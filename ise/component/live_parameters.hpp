@@ -17,7 +17,7 @@ public:
     /// former ones back then. `keeps` holds the variables.
     live_parameters(parameter_set set, std::function<void(component&)> changed, std::shared_ptr<const void> keeps);
 
-    /// Provides the two services, for as long as the component is not destroyed.
+    /// Provides the three services, for as long as the component is not destroyed.
     void offer(service_host& host, component& of);
 
 private:
@@ -27,6 +27,7 @@ private:
     parameter_set set_;
     std::function<void(component&)> changed_;
     std::shared_ptr<const void> keeps_;
+    std::function<void(const parameters_response&)> tell_change_; // to subscribers
 };
 
 } // namespace ise

@@ -6,33 +6,69 @@
 
 #include <algorithm>
 #include <charconv>
-#include <map>
+#include <iterator>
 #include <utility>
 
 namespace ise::detail {
 namespace {
 
-std::string json_text(std::string_view text) {
-    return nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+// Spans are written at the rate of calls: texts are appended, and what is the same for many is made once.
+
+void append_number(std::string& to, std::int64_t number) {
+    char digits[24];
+    auto [end, problem] = std::to_chars(digits, digits + sizeof digits, number);
+    to.append(digits, end);
 }
 
-std::string attribute(std::string_view name, std::string_view text) {
-    return fmt::format(R"({{"key":"{}","value":{{"stringValue":{}}}}})", name, json_text(text));
+void append_hex(std::string& to, std::uint64_t id) {
+    char digits[16];
+    for (auto at = std::rbegin(digits); at != std::rend(digits); ++at, id >>= 4) *at = "0123456789abcdef"[id & 15];
+    to.append(digits, sizeof digits);
 }
 
-std::string json_of(const span& one, duration wall_ahead) {
+void append_json(std::string& to, std::string_view text) {
+    auto plain = [](char letter) { return letter >= ' ' && letter <= '~' && letter != '"' && letter != '\\'; };
+    if (std::ranges::all_of(text, plain)) to.append(1, '"').append(text).append(1, '"');
+    else to += nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
+}
+
+void append_attribute(std::string& to, std::string_view name, std::string_view text) {
+    to.append(R"({"key":")").append(name).append(R"(","value":{"stringValue":)");
+    append_json(to, text);
+    to += "}}";
+}
+
+void append_span(std::string& to, const span& one, duration wall_ahead) {
     const auto began = (one.began.time_since_epoch() + wall_ahead).count();
     const bool client = one.of == span::side::client;
-    auto text = fmt::format(R"({{"traceId":"{:016x}{:016x}","spanId":"{:016x}")", one.in.high, one.in.trace, one.id);
-    if (one.in.parent != 0) text += fmt::format(R"(,"parentSpanId":"{:016x}")", one.in.parent);
-    text +=
-        fmt::format(R"(,"name":{},"kind":{},"startTimeUnixNano":"{}","endTimeUnixNano":"{}","attributes":[)",
-                    json_text(one.service), client ? 3 : 2, began, began + std::max<std::int64_t>(one.took.count(), 0));
-    text += attribute("rpc.system", "ise") + "," + attribute("rpc.method", one.service) + "," +
-            attribute(client ? "server.address" : "client.address", one.peer);
-    if (one.outcome == errc{}) return text + R"(],"status":{"code":1}})";
-    return text + fmt::format(R"(,{}],"status":{{"code":2,"message":"{}"}}}})",
-                              attribute("error.type", name_of(one.outcome)), name_of(one.outcome));
+    to += R"({"traceId":")";
+    append_hex(to, one.in.high);
+    append_hex(to, one.in.trace);
+    to += R"(","spanId":")";
+    append_hex(to, one.id);
+    if (one.in.parent != 0) {
+        to += R"(","parentSpanId":")";
+        append_hex(to, one.in.parent);
+    }
+    to += R"(","name":)";
+    append_json(to, one.service);
+    to += client ? R"(,"kind":3,"startTimeUnixNano":")" : R"(,"kind":2,"startTimeUnixNano":")";
+    append_number(to, began);
+    to += R"(","endTimeUnixNano":")";
+    append_number(to, began + std::max<std::int64_t>(one.took.count(), 0));
+    to += R"(","attributes":[{"key":"rpc.system","value":{"stringValue":"ise"}},)";
+    append_attribute(to, "rpc.method", one.service);
+    to += ',';
+    append_attribute(to, client ? "server.address" : "client.address", one.peer);
+    if (one.outcome == errc{}) {
+        to += R"(],"status":{"code":1}})";
+        return;
+    }
+    to += ',';
+    append_attribute(to, "error.type", name_of(one.outcome));
+    to += R"(],"status":{"code":2,"message":)";
+    append_json(to, name_of(one.outcome));
+    to += "}}";
 }
 
 } // namespace
@@ -81,18 +117,32 @@ result<double> parse_trace_rate(std::string_view text) {
 }
 
 std::string otlp_json(const std::vector<span>& spans, std::string_view service_instance, duration wall_ahead) {
-    std::map<std::string_view, std::string> by_component;
+    constexpr std::size_t usual_span = 480; // bytes
+    std::vector<std::vector<const span*>> by_component;
     for (const auto& one : spans) {
-        auto& text = by_component[one.component];
-        text += (text.empty() ? "" : ",") + json_of(one, wall_ahead);
+        auto same = [&](const auto& group) { return group.front()->component == one.component; };
+        auto found = std::ranges::find_if(by_component, same);
+        if (found == by_component.end()) found = by_component.emplace(found);
+        found->push_back(&one);
     }
-    std::string resources;
-    for (const auto& [path, text] : by_component)
-        resources += fmt::format(
-            R"({}{{"resource":{{"attributes":[{},{}]}},"scopeSpans":[{{"scope":{{"name":"ise"}},"spans":[{}]}}]}})",
-            resources.empty() ? "" : ",", attribute("service.name", path.empty() ? "(anonymous)" : path),
-            attribute("service.instance.id", service_instance), text);
-    return fmt::format(R"({{"resourceSpans":[{}]}})", resources);
+    std::string text;
+    text.reserve(spans.size() * usual_span);
+    text += R"({"resourceSpans":[)";
+    for (const auto& group : by_component) {
+        if (&group != &by_component.front()) text += ',';
+        const auto& component = group.front()->component;
+        text += R"({"resource":{"attributes":[)";
+        append_attribute(text, "service.name", component.empty() ? "(anonymous)" : component);
+        text += ',';
+        append_attribute(text, "service.instance.id", service_instance);
+        text += R"(]},"scopeSpans":[{"scope":{"name":"ise"},"spans":[)";
+        for (const auto* one : group) {
+            if (one != group.front()) text += ',';
+            append_span(text, *one, wall_ahead);
+        }
+        text += "]}]}";
+    }
+    return text += "]}";
 }
 
 } // namespace ise::detail

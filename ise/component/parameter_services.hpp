@@ -40,5 +40,7 @@ inline constexpr request_response<parameters_request, parameters_response> param
 /// against it.
 inline constexpr request_response<change_parameters_request, parameters_response> change_parameters_service{
     "ise.change_parameters"};
+/// The parameters that were changed, with their new values, at each change.
+inline constexpr subscription<parameters_response> parameter_changes_service{"ise.parameter_changes"};
 
 } // namespace ise

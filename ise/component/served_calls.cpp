@@ -24,6 +24,7 @@ void provide_served_calls(service_host& of) {
         made.caller = std::move(call.caller);
         made.asked_at = call.asked_at;
         made.took = call.took;
+        made.deadline = call.deadline;
         made.outcome = std::move(call.outcome);
         made.message = std::move(call.message);
         made.request = std::move(call.request);

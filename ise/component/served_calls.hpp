@@ -21,6 +21,7 @@ struct served_call {
     std::string message;  ///< of a failure
     bytes request;        ///< in the layout of the component's own description
     bytes response;       ///< the same, where the outcome is "ok"
+    duration deadline{};  ///< until its caller gives it up, from `asked_at` on; zero: never
 };
 
 /// Publishes every call that the component has served, but for those of ISE's own services. A component provides it

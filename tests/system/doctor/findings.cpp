@@ -5,8 +5,15 @@
 #include <nlohmann/json.hpp>
 
 #include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <list>
 #include <optional>
+#include <string>
+#include <vector>
+
+#include <unistd.h>
 
 using Catch::Contains;
 using ise_test::program;
@@ -220,4 +227,58 @@ TEST_CASE("doctor and top on real processes: a service that is asked for more th
         break;
     }
     crowd.signal(SIGINT);
+}
+
+TEST_CASE("doctor on real processes: calls that wait for one another in a circle are named with their lines") {
+    ward in(30);
+    in.admit("left");
+    in.admit("right");
+    auto found = in.diagnose("call_cycle", "ward/left");
+    CHECK_THAT(message(found), Contains("the handler of 'left' at ward/left, ") && Contains("patient.cpp:") &&
+                                   Contains("waits for 'right' of ward/right"));
+    CHECK_THAT(message(found), Contains("the handler of 'right' at ward/right, ") &&
+                                   Contains("waits for 'left' of ward/left") &&
+                                   Contains("where all handlers are busy"));
+}
+
+TEST_CASE("trace on real processes: a call is followed from the command line through two components") {
+    auto file = std::filesystem::temp_directory_path() / ("ise_trace_" + std::to_string(::getpid()) + ".jsonl");
+    ::setenv("ISE_TRACES", file.c_str(), 1);
+    ward in(30);
+    in.admit("slow");
+    in.admit("passes");
+    auto called = ise_test::run_program(in.ise({"call", "ward/passes", "pass", R"({"milliseconds":1})"}, "120s"));
+    CHECK(called.exit_code == 0);
+    ::unsetenv("ISE_TRACES");
+    // Spans are written every second; a trace has four when all sides have written theirs.
+    std::string id;
+    for (std::size_t sides = 0; sides < 4;) {
+        sides = 0;
+        std::ifstream lines(file);
+        std::string trace;
+        std::vector<json> spans;
+        for (std::string line; std::getline(lines, line);) {
+            auto request = json::parse(line, nullptr, false);
+            if (request.is_discarded()) continue; // is being written
+            for (const auto& resource : request["resourceSpans"])
+                for (const auto& one : resource["scopeSpans"][0]["spans"]) {
+                    if (one["name"] == "nap") id = one["traceId"];
+                    spans.push_back(one);
+                }
+        }
+        for (const auto& one : spans) sides += one["traceId"] == id;
+    }
+    auto drawn = ise_test::run_program(in.ise({"trace", file.string(), "--id", id}, "120s"));
+    CHECK(drawn.exit_code == 0);
+    INFO(drawn.out);
+    CHECK_THAT(drawn.out, Contains("trace " + id) && Contains("4 spans"));
+    const auto pass = drawn.out.find("pass"), through = drawn.out.find("ward/passes"), nap = drawn.out.find("nap"),
+               end = drawn.out.find("ward/slow");
+    CHECK(pass < nap);
+    CHECK(through != std::string::npos);
+    CHECK(end != std::string::npos);
+    auto unknown = ise_test::run_program(in.ise({"trace", file.string(), "--id", "0123456789abcdef0"}, "120s"));
+    CHECK(unknown.exit_code == 1);
+    CHECK_THAT(unknown.err, Contains("no trace begins with '0123456789abcdef0'"));
+    std::filesystem::remove(file);
 }

@@ -1,5 +1,5 @@
 // A program that is not well, in a process of its own, for `ise doctor` to find out.
-// usage: doctor_patient NAME_SERVER LEASE_S AILMENT: floods|slow|asks|gives|seeks|early|nowhere
+// usage: doctor_patient NAME_SERVER LEASE_S AILMENT: floods|slow|asks|gives|seeks|early|nowhere|passes|left|right
 #include <ise/ise.hpp>
 
 #include <cstdio>
@@ -26,6 +26,9 @@ struct other_order {
 };
 inline constexpr ise::subscription<chunk> chunks{"chunks"};
 inline constexpr ise::request_response<rest, rest> nap{"nap"};
+inline constexpr ise::request_response<rest, rest> pass{"pass"};
+inline constexpr ise::request_response<rest, rest> left{"left"};
+inline constexpr ise::request_response<rest, rest> right{"right"};
 inline constexpr ise::request_response<order, ise::nothing> steer{"steer"};
 inline constexpr ise::request_response<other_order, ise::nothing> steer_otherwise{"steer"};
 
@@ -48,6 +51,15 @@ private:
             };
             provide(nap, handler, alone);
         }
+        if (ailment_ == "passes")
+            provide(pass, [this](rest rq) -> ise::task<rest> { return ask("ward/slow", nap, rq); });
+        // Each waits for the other one, whose only handler waits for it.
+        if (ailment_ == "left")
+            provide_exclusive(left, [this](rest rq) -> ise::task<rest> { return ask("ward/right", right, rq); });
+        if (ailment_ == "right") {
+            provide_exclusive(right, [this](rest rq) -> ise::task<rest> { return ask("ward/left", left, rq); });
+            spawn("first question", begin());
+        }
         auto out = publish(chunks);
         for (chunk next; ailment_ == "floods"; ++next.number) {
             out(next);
@@ -61,6 +73,16 @@ private:
         other_order rq{"north"};
         co_await gives.call(steer_otherwise, rq, 60s);
         co_await sleep(24h);
+    }
+    template <class Service>
+    ise::task<rest> ask(std::string whom, Service service, rest request) {
+        auto other = co_await find(whom);
+        auto answer = co_await other.call(service, request, 10min);
+        co_return answer;
+    }
+    ise::task<> begin() {
+        rest request;
+        co_await ask("ward/left", left, request);
     }
     std::string ailment_;
 };

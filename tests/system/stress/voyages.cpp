@@ -1,9 +1,15 @@
+#include <apps/stress/replaying.hpp>
 #include <apps/stress/report.hpp>
 #include <apps/stress/voyage.hpp>
 
 #include <support/catch.hpp>
 
 #include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <vector>
 
 using namespace std::chrono_literals;
 using namespace atirma;
@@ -105,4 +111,32 @@ TEST_CASE("stress: a recorded wind is sailed on, and nothing is lost") {
     options.wind_csv = "t_s,tws_mps,twd_deg\n0,6.0,40\n900,6.0,220\n"; // another wind, another track
     voyage other(options);
     CHECK(sail(other).gpx != result.gpx);
+}
+
+TEST_CASE("stress: a recorded voyage is replayed into both communication nodes, twice the same, byte for byte") {
+    std::string name = (std::filesystem::temp_directory_path() / "ise_voyage_XXXXXX").string();
+    const std::filesystem::path folder = ::mkdtemp(name.data());
+    auto whole_file = [](const std::filesystem::path& path) {
+        std::ifstream in(path, std::ios::binary);
+        return std::string(std::istreambuf_iterator<char>(in), {});
+    };
+    const auto recording = (folder / "voyage.mcap").string();
+    {
+        auto options = short_one(7);
+        options.record = recording;
+        voyage sea(std::move(options));
+        sea.sail();
+    }
+    std::vector<ise::replay_report> reports;
+    for (const char* out : {"first.mcap", "second.mcap"})
+        reports.push_back(replay_nodes(recording, (folder / out).string()));
+    const auto& counts = reports[0].counts;
+    CHECK(reports[0].length > 19min);
+    CHECK(counts.packets > 5000); // of the proxies
+    CHECK(counts.called > 1000);  // telemetry to be kept, telecommands, tracks
+    CHECK(counts.answered > 50);  // telecommands to the proxies
+    CHECK(counts.compared > 2000);
+    CHECK(reports[0].hash == reports[1].hash);
+    CHECK((whole_file(folder / "first.mcap") == whole_file(folder / "second.mcap")));
+    std::filesystem::remove_all(folder);
 }
