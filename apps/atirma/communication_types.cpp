@@ -42,6 +42,8 @@ ise::component_type communication_node_type() {
     set.add("secondary", options.secondary, "secondary node: the other one is preferred");
     set.add("proxy", chosen->proxies, "a link and the path of its proxy: xbee=atirma/shore/xbee");
     set.add("serves", options.role, "role under which operators and page find the nodes");
+    set.add("raw-telecommands", options.raw_telecommands,
+            "sends raw telecommands, which neither shore nor boat checks");
     set.add("silence", chosen->silence_s, "time without a message after which the other node counts as lost")
         .range(1, 3600)
         .unit("s");
@@ -50,7 +52,7 @@ ise::component_type communication_node_type() {
         .provides(services::track)
         .provides(services::communication);
     type.provides(services::telecommand).provides(services::telecommand_state).provides(services::telecommand_record);
-    type.provides(services::telecommand_recall);
+    type.provides(services::telecommand_recall).provides(services::raw_telecommand);
     type.provides(services::authority).provides(services::authority_changes).provides(services::replication);
     type.requires_(services::telemetry).requires_(services::telecommand).requires_(services::telecommand_state);
     type.requires_(services::telecommand_recall).requires_(services::replication);

@@ -32,6 +32,10 @@ component_type gprs_proxy_type(const std::function<void(const std::string&)>& an
     set.add("store", options->store_at,
             "store that must have telemetry before the boat is acknowledged: atirma/communication");
     add_radio_key(set, options->radio_key_file, options->radio_secondary);
+    set.add("database", options->database, "file with what was spent (SQLite); empty: counted since the start")
+        .kind(parameter_kind::path);
+    set.add("daily-budget", options->daily_budget, "bytes a day (UTC), both ways; needs database; 0: unlimited");
+    set.add("monthly-budget", options->monthly_budget, "bytes a month (UTC), both ways; needs database; 0: unlimited");
     set.add("max-strangers", options->shore.max_strangers, "connections without a login").range(1, 1024);
     type.provides(services::telemetry)
         .provides(services::telecommand)

@@ -32,6 +32,8 @@ component_type proxy_type() {
     auto* options = &settings->options;
     auto& set = type.parameters;
     set.add("imei", options->imei, "IMEI of the boat's modem, 15 digits");
+    set.add("beacon-imei", options->beacon_imei,
+            "IMEI of the modem of the boat's second controller; empty: it has none");
     set.add("database", options->database, "file for messages, telecommands and cost (SQLite)")
         .kind(parameter_kind::path);
     set.add("store", options->store_at,
@@ -70,6 +72,7 @@ component_type proxy_type() {
     set.add("ca-file", settings->ca_file, "authorities to trust (PEM) instead of the system's")
         .kind(parameter_kind::path);
     set.add("daily-budget", options->daily_budget, "credits a day (UTC) for telecommands; 0: unlimited");
+    set.add("monthly-budget", options->monthly_budget, "credits a month (UTC) for telecommands; 0: unlimited");
     set.add("credit-bytes", options->bytes_per_credit, "bytes that a credit pays for").range(1, 340);
     type.provides(services::telemetry)
         .provides(services::telecommand)

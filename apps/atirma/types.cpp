@@ -55,6 +55,12 @@ component_type boat_simulator_type() {
     set.add("iridium-period", options->iridium.period_s, "period of its telemetry over Iridium")
         .range(0.5, 86400)
         .unit("s");
+    set.add("beacon-serial", options->beacon.device,
+            "serial port of the second controller's own Iridium modem; empty: the boat has no second controller")
+        .kind(parameter_kind::path);
+    set.add("beacon-period", options->beacon_period_s, "period of the second controller's positions")
+        .range(30, 86400)
+        .unit("s");
     set.add("speedup", options->speedup, "factor of the boat's model time").range(0.1, 1000);
     set.add("seed", options->seed, "random seed of gusts and instruments");
     set.add("gprs", options->gprs, "GPRS proxy or carrier to connect to, tls://, tcp:// or udp:// (default: none)")
@@ -73,6 +79,7 @@ component_type boat_simulator_type() {
     set.add("fence", options->fence_file, "GeoJSON file of the area that it does not leave; empty: none")
         .kind(parameter_kind::path);
     set.add("coast", options->keeps_off_coast, "turns back before the coast");
+    set.add("raw-telecommands", options->raw_telecommands, "gives the bytes of raw telecommands to its controller");
     set.add("clock-off", options->clock_off_s,
             "error of the boat's clock, which is then not set by GPS; 0: GPS sets it")
         .range(-86400, 86400)

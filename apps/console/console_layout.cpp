@@ -81,6 +81,10 @@ void console_window::show_head(utc_time at) {
                                            : tr("no current data · %1").arg(age);
         ink = t.of(how);
         back = how == freshness::fresh ? t.field : t.warn_back;
+        if (boat.on_beacon()) {
+            words = tr("BEACON · %1").arg(age);
+            ink = t.bad, back = t.bad_back;
+        }
     }
     auto silent = std::ranges::find_if(seen_->alarms, [](const auto& a) { return a.key == "no_data" && !a.over_at; });
     if (silent != seen_->alarms.end()) ink = t.bad, back = t.bad_back; // red is for alarms
@@ -89,14 +93,19 @@ void console_window::show_head(utc_time at) {
     set_sheet(status_, pill(ink, back));
     bool known = boat.sailing.has_value();
     bool irons = known && boat.sailing->value.in_irons, fence = known && boat.sailing->value.at_fence;
+    bool remote = known && boat.sailing->value.remote_control;
     mode_->setText(mode_words(at));
-    mode_->setToolTip(!known                                           ? tr("The mode is not known yet")
+    mode_->setToolTip(!known             ? tr("The mode is not known yet")
+                      : boat.on_beacon() ? tr("Nothing is heard from the main controller: see the alarms")
+                      : remote ? tr("The remote control has rudder and sail: the boat refuses what steers it until it "
+                                    "is released; then its mode is %1")
+                                     .arg(text(label(boat.sailing->value.mode)))
                       : fence                                          ? tr("It turned back at its fence or the coast")
                       : boat.sailing->value.mode == sailing_mode::hold ? tr("It loiters when the time is over")
                                                                        : tr("The mode that the boat reports"));
-    set_sheet(mode_, irons   ? pill(t.bad, t.bad_back)
-                     : fence ? pill(t.warn, t.warn_back)
-                             : pill(t.accent, t.notice_back));
+    set_sheet(mode_, irons             ? pill(t.bad, t.bad_back)
+                     : fence || remote ? pill(t.warn, t.warn_back)
+                                       : pill(t.accent, t.notice_back));
     record_mark_->setVisible(recorder_.running());
     record_mark_->setText(tr("● REC %1").arg(recorder_.written()));
     set_sheet(record_mark_, pill(t.bad, t.bad_back));
@@ -108,6 +117,8 @@ QString console_window::mode_words(utc_time at) const {
     const auto& boat = seen_->boat;
     if (!boat.sailing) return QStringLiteral("–");
     const auto& n = boat.sailing->value;
+    if (boat.on_beacon()) return tr("mode not known");
+    if (n.remote_control) return tr("Remote control");
     auto words = text(label(n.mode));
     if (n.in_irons) return words + tr(" · in irons");
     if (n.at_fence) return words + tr(" · fence");

@@ -9,6 +9,8 @@
 #include <QGridLayout>
 #include <QLabel>
 
+#include <functional>
+
 namespace atirma::console {
 namespace {
 
@@ -23,6 +25,25 @@ QString old_mark(const link_view& link, utc_time now) {
     if (!link.told_at || age_s(now, *link.told_at) < 30) return {};
     return QStringLiteral(" <span style='color:%1'>· %2</span>")
         .arg(colours().warn.name(), QLabel::tr("told %1").arg(ago(link.told_at, now)));
+}
+
+/// "46 of 50 today, 900 of 1000 this month".
+QString budget_words(const link_budget& of, const std::function<QString(std::uint64_t)>& amount) {
+    QStringList words;
+    auto add = [&](const auto& limit, const auto& left, const QString& when) {
+        if (!limit) return;
+        const auto& t = colours();
+        auto rest = left.value_or(0);
+        words << QStringLiteral("<span style='color:%1'>%2</span>%3")
+                     .arg((rest == 0             ? t.bad
+                           : rest <= *limit / 10 ? t.warn
+                                                 : t.ink)
+                              .name(),
+                          QLabel::tr("%1 of %2").arg(amount(rest), amount(*limit)), when);
+    };
+    add(of.daily, of.daily_left, QLabel::tr(" today"));
+    add(of.monthly, of.monthly_left, QLabel::tr(" this month"));
+    return words.isEmpty() ? QLabel::tr("no limit") : words.join(QStringLiteral(", "));
 }
 
 QString in_words(link_stage stage) {
@@ -94,6 +115,16 @@ gprs_details::gprs_details(QWidget* parent) : link_details(parent) {
         values.add(tr("Connections"), tr("How often the boat has connected; in brackets how often from a new address "
                                          "while the old connection existed"));
     half_open_ = values.add(tr("Half open"), tr("Connections closed because the boat was silent on them"));
+    auto charged = tr(": bytes that the boat's mobile contract is charged for, with an estimate of their headers");
+    today_ = values.add(tr("Spent today"), tr("From the boat + to the boat") + charged);
+    today_->setObjectName("gprs_today");
+    month_ = values.add(tr("This month"), tr("Both ways") + charged);
+    budget_ = values.add(tr("Budget left"),
+                         tr("Today's and this month's remainder, both ways (UTC). When it is spent, only "
+                            "modes, beacon and the period of telemetry are sent over GPRS, and "
+                            "telemetry goes on"),
+                         true);
+    budget_->setObjectName("gprs_budget");
     setLayout(values.layout());
 }
 
@@ -119,6 +150,10 @@ void gprs_details::show_link(const link_view& link, utc_time now) {
         QStringLiteral("<span style='color:%1'>%2</span>").arg((g.given_up ? t.bad : t.ink).name()).arg(g.given_up));
     connections_->setText(QStringLiteral("%1 (%2)").arg(g.logins).arg(g.moves));
     half_open_->setText(QString::number(g.half_open));
+    auto bytes = [](std::uint64_t of) { return text(bytes_text(of)); };
+    today_->setText(bytes(g.today.from_boat_bytes) + " + " + bytes(g.today.to_boat_bytes));
+    month_->setText(bytes(g.this_month.bytes()));
+    budget_->setText(budget_words(g.budget, bytes));
 }
 
 iridium_details::iridium_details(QWidget* parent) : link_details(parent) {
@@ -129,8 +164,8 @@ iridium_details::iridium_details(QWidget* parent) : link_details(parent) {
     today_ = values.add(tr("Credits today"), tr("From the boat + to the boat; one for each 50 bytes begun"));
     today_->setObjectName("iridium_today");
     month_ = values.add(tr("This month"), tr("Credits, both ways"));
-    budget_ =
-        values.add(tr("Budget left"), tr("Today's remainder for telecommands: beyond it they wait until tomorrow"));
+    budget_ = values.add(tr("Budget left"),
+                         tr("Remainder for telecommands: beyond it they wait until the next day or month (UTC)"));
     budget_->setObjectName("iridium_budget");
     again_ = values.add(tr("Duplicates"), tr("Messages that the gateway delivered twice, and that were dropped"));
     queue_ = values.add(tr("Telecommands"), tr("Undecided ones, in the order of sending"), true);
@@ -146,10 +181,7 @@ void iridium_details::show_link(const link_view& link, utc_time now) {
     place_->setText(a.estimate_cep_km ? tr("within %1 km").arg(*a.estimate_cep_km, 0, 'g', 2) : QStringLiteral("–"));
     today_->setText(QStringLiteral("%1 + %2").arg(a.today.mo_credits).arg(a.today.mt_credits));
     month_->setText(QString::number(a.this_month.mo_credits + a.this_month.mt_credits));
-    budget_->setText(!a.daily_budget ? tr("no limit")
-                                     : QStringLiteral("<span style='color:%1'>%2</span>")
-                                           .arg((a.budget_left.value_or(0) == 0 ? t.bad : t.ink).name(),
-                                                tr("%1 of %2").arg(a.budget_left.value_or(0)).arg(*a.daily_budget)));
+    budget_->setText(budget_words(link.budget(), [](std::uint64_t credits) { return QString::number(credits); }));
     again_->setText(QString::number(a.duplicate_messages));
     constexpr std::size_t most = 3;
     QStringList waiting;

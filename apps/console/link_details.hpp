@@ -58,7 +58,7 @@ public:
     void show_link(const link_view& link, utc_time now) override;
 
 private:
-    QLabel *way_, *safe_, *behind_, *again_, *given_up_, *connections_, *half_open_;
+    QLabel *way_, *safe_, *behind_, *again_, *given_up_, *connections_, *half_open_, *today_, *month_, *budget_;
 };
 
 /// The satellite link: the last session, waiting telecommands, costs.

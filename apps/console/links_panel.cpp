@@ -15,11 +15,6 @@
 namespace atirma::console {
 namespace {
 
-QString bytes_text(std::uint64_t bytes) {
-    if (bytes < 10000) return QStringLiteral("%1 B").arg(bytes);
-    return QStringLiteral("%1 kB").arg(static_cast<double>(bytes) / 1000, 0, 'f', 1);
-}
-
 QString seal_text(const link_view& link, utc_time now) {
     const auto& t = colours();
     const auto* seal = link.seal();
@@ -125,7 +120,7 @@ bool link_card::show_link(const link_view& link, const boat_view& boat, utc_time
                                  .arg(a.this_month.mo_credits + a.this_month.mt_credits)
                                  .arg(a.daily_budget ? QString::number(*a.daily_budget) : tr("no limit")));
     }
-    traffic_->setText(bytes_text(link.bytes) + cost);
+    traffic_->setText(text(bytes_text(link.bytes)) + cost);
     boat_side_->setText(there ? QStringLiteral("%1, %2").arg(there->value.sent).arg(there->value.failed) : "–");
     commands_->setText(QString::number(link.open_commands));
     seal_->setText(seal_text(link, now));

@@ -3,6 +3,7 @@
 #include "number_box.hpp"
 #include "theme.hpp"
 
+#include <components/boat/raw_payload.hpp>
 #include <components/gui_client/words.hpp>
 
 #include <QCheckBox>
@@ -10,6 +11,7 @@
 #include <QDialogButtonBox>
 #include <QFormLayout>
 #include <QLabel>
+#include <QLineEdit>
 #include <QPushButton>
 #include <QSpinBox>
 
@@ -113,6 +115,18 @@ void telecommand_dialog::add_editor(const QString& name, waypoint& value) {
     };
     add(tr("latitude"), 90, value.latitude_deg);
     add(tr("longitude"), 180, value.longitude_deg);
+}
+
+void telecommand_dialog::add_editor(const QString& name, std::string& value) {
+    auto* box = new QLineEdit(text(value), this);
+    box->setObjectName("argument_" + name);
+    box->setPlaceholderText(tr("text, or hex:0A1B"));
+    box->setMaxLength(static_cast<int>(4 + 3 * max_raw_bytes));
+    connect(box, &QLineEdit::textChanged, this, [this, &value](const QString& now) {
+        value = now.toStdString();
+        check_command();
+    });
+    form_->addRow(name, box);
 }
 
 void telecommand_dialog::check_command() {

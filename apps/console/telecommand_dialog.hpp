@@ -34,6 +34,7 @@ private:
     template <class T>
     void add_editor(const QString& name, T& value);
     void add_editor(const QString& name, waypoint& value);
+    void add_editor(const QString& name, std::string& value);
     void check_command();
 
     boat_command command_;

@@ -14,6 +14,7 @@ const boat_clock::reading* boat_clock::find(std::uint16_t boot) const {
 }
 
 void boat_clock::heard(ise::time_point now, const packet_header& packet, bool current) {
+    if (packet.boot == beacon_boot) return; // of the second controller, whose clock judges nothing
     auto ahead = std::chrono::duration_cast<ise::duration>(packet.measured_at.time_since_epoch()) -
                  std::chrono::duration_cast<ise::duration>(now.time_since_epoch());
     auto known = std::ranges::find(readings_, packet.boot, &reading::boot);

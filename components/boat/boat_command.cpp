@@ -1,5 +1,7 @@
 #include <components/boat/boat_command.hpp>
 
+#include <components/boat/raw_payload.hpp>
+
 #include <fmt/format.h>
 
 #include <cmath>
@@ -33,6 +35,12 @@ requires std::is_arithmetic_v<T> ise::result<void> check_argument(std::string_vi
     return ise::failure(ise::errc::invalid_argument, fmt::format("{} is {}{:g} to {:g} {}, not {:g}", range->called,
                                                                  range->zero_is_off ? "0 (off) or " : "",
                                                                  range->minimum, range->maximum, range->unit, number));
+}
+
+ise::result<void> check_argument(std::string_view, const std::string& payload, const argument_range*) {
+    auto good = payload_bytes(payload);
+    if (!good) return good.error();
+    return {};
 }
 
 ise::result<void> check_argument(std::string_view name, const waypoint& at, const argument_range*) {

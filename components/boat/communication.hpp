@@ -82,6 +82,7 @@ struct current_fix {
     utc_time measured_at{};
     double latitude_deg = 0;
     double longitude_deg = 0;
+    bool beacon = false; ///< told by the boat's second controller, as the main one or its power fails
 };
 
 /// How a communication node is.
@@ -120,6 +121,10 @@ inline constexpr ise::request_response<authority_request, authority_state> autho
 inline constexpr ise::subscription<authority_state> authority_changes{"authority_state"};
 
 inline constexpr ise::request_response<record_request, record_page> telecommand_record{"telecommand_record"};
+
+/// As `telecommand`, for raw telecommands only, which that one refuses: so that an access policy grants them by
+/// themselves. Errors: refused as well where they are off at the node.
+inline constexpr ise::request_response<telecommand_request, telecommand_reply> raw_telecommand{"raw_telecommand"};
 
 inline constexpr ise::subscription<communication_state> communication{"communication_state"};
 

@@ -18,6 +18,10 @@ struct waypoint {
     bool operator==(const waypoint&) const = default;
 };
 
+/// The boot in packets of the boat's second controller, which tells the position while the main one fails. The main
+/// controller never has it. Their sequences never repeat, also over a restart of that controller.
+inline constexpr std::uint16_t beacon_boot = 0;
+
 /// Who measured, when, and which packet of that boot it is: (boot, sequence) tells duplicates on all links.
 struct packet_header {
     std::uint16_t boot = 0;

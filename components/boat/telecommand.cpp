@@ -1,6 +1,7 @@
 #include <components/boat/telecommand.hpp>
 
 #include <components/boat/layout.hpp>
+#include <components/boat/raw_payload.hpp>
 
 #include <fmt/format.h>
 
@@ -21,7 +22,12 @@ void put_argument(writer& out, const T& value) {
     else if constexpr (std::is_same_v<T, bool>) out.integer(static_cast<std::uint8_t>(value ? 1 : 0));
     else if constexpr (std::is_same_v<T, float>) out.real(value);
     else if constexpr (std::is_same_v<T, waypoint>) out.point(value);
-    else out.integer(value);
+    else if constexpr (std::is_same_v<T, std::string>) {
+        auto checked = payload_bytes(value); // a wrong one is refused before
+        auto raw = checked ? std::move(*checked) : ise::bytes();
+        out.integer(static_cast<std::uint8_t>(raw.size()));
+        for (auto byte : raw) out.integer(std::to_integer<std::uint8_t>(byte));
+    } else out.integer(value);
 }
 
 template <class T>
@@ -30,7 +36,14 @@ void take_argument(reader& in, std::string_view name, T& value) {
     else if constexpr (std::is_same_v<T, bool>) value = in.integer<std::uint8_t>() != 0;
     else if constexpr (std::is_same_v<T, float>) value = in.real(name);
     else if constexpr (std::is_same_v<T, waypoint>) value = in.point(name);
-    else value = in.integer<T>();
+    else if constexpr (std::is_same_v<T, std::string>) {
+        std::size_t size = in.integer<std::uint8_t>();
+        if (size > max_raw_bytes)
+            return in.fail(fmt::format("{} has {} bytes; {} are possible", name, size, max_raw_bytes));
+        ise::bytes raw;
+        while (raw.size() < size && in.ok()) raw.push_back(static_cast<std::byte>(in.integer<std::uint8_t>()));
+        value = payload_text(raw);
+    } else value = in.integer<T>();
 }
 
 } // namespace

@@ -60,6 +60,8 @@ void telecommand_service::work() {
 ise::task<telecommand_reply> telecommand_service::command(telecommand_request request, ise::time_point deadline) {
     auto chosen = static_cast<std::uint32_t>(of_.env().random()) | 1u; // never 0
     bool known = request.id != 0 && tracker_.find(request.id);
+    if (!known && admit)
+        if (auto good = admit(request); !good) throw ise::error(ise::errc::refused, good.error().message());
     auto taken = tracker_.submit(now(), request, chosen);
     if (!taken) throw ise::error(ise::errc::refused, taken.error().message()); // it had no effect
     auto id = *taken;

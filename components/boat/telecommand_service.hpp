@@ -18,6 +18,8 @@ public:
     /// Gives what is due to the link; called by `work()`, never within itself. False, and nothing was given, while the
     /// link is down: when the component sees it come up, it calls `tracker().on_link_up()` and `work()`.
     std::function<bool()> give;
+    /// Whether the link accepts a new telecommand now; its error is the refusal. Preset: it does.
+    std::function<ise::result<void>(const telecommand_request&)> admit;
     /// Keeps one that is new or has changed, where the link outlives its process: a new one is refused where it cannot
     /// be kept.
     std::function<ise::result<void>(const tracked_telecommand&)> keep;

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <chrono>
+#include <string>
 #include <variant>
 
 /// All that the boat can be told. To add a telecommand: its number in `command_kind`, a struct of the same name, that
@@ -12,7 +13,7 @@
 /// proxies, the console and the record take it from here.
 ///
 /// A struct's fields are the arguments, and travel in their order (README.md): enumerations, bool, whole numbers,
-/// float, `waypoint`. Arguments of one name have one type in all telecommands.
+/// float, `waypoint`, `std::string` (raw_payload.hpp). Arguments of one name have one type in all telecommands.
 namespace atirma {
 
 /// The numbers on air, never reused, and the names that people type.
@@ -35,6 +36,7 @@ enum class command_kind : std::uint8_t {
     emergency_beacon = 15,
     mission_stage = 16,
     mission_switch = 17,
+    raw = 18,
 };
 extern template std::span<const enum_name<command_kind>> names_of() noexcept;
 
@@ -52,6 +54,7 @@ struct command_traits {
     bool needs_authority = true;
     command_priority priority = command_priority::steers;
     bool returns_value = false; ///< the acknowledgement's `value` is what holds at the boat now
+    bool steers = false;        ///< moves rudder and sails: refused while the remote control has them
     /// The validity where the operator names none, over XBee and GPRS, and over Iridium, whose sessions are minutes
     /// apart.
     std::chrono::seconds valid{60}, valid_by_satellite{3600};
@@ -85,7 +88,8 @@ struct set_mode {
     static constexpr command_traits traits{.kind = command_kind::set_mode,
                                            .help = "Sails in that mode.",
                                            .words = "mode {mode}",
-                                           .priority = command_priority::saves};
+                                           .priority = command_priority::saves,
+                                           .steers = true};
     constexpr std::string_view danger() const {
         if (mode != sailing_mode::manual) return {};
         return "Rudder and sail stay as they are; without somebody at the remote control nobody steers.";
@@ -150,6 +154,7 @@ struct waypoint_select {
                                            .help = "Makes a waypoint of the list the next one.",
                                            .words = "sail to waypoint {index+1}",
                                            .returns_value = true,
+                                           .steers = true,
                                            .valid = std::chrono::seconds(300)};
 };
 
@@ -184,6 +189,7 @@ struct get_parameter {
 struct tack_now {
     static constexpr command_traits traits{.kind = command_kind::tack_now,
                                            .help = "Goes through the wind now.",
+                                           .steers = true,
                                            .valid = std::chrono::seconds(30),
                                            .valid_by_satellite = std::chrono::seconds(900)};
 };
@@ -191,6 +197,7 @@ struct tack_now {
 struct gybe_now {
     static constexpr command_traits traits{.kind = command_kind::gybe_now,
                                            .help = "Goes round before the wind now.",
+                                           .steers = true,
                                            .valid = std::chrono::seconds(30),
                                            .valid_by_satellite = std::chrono::seconds(900)};
 };
@@ -271,6 +278,19 @@ struct mission_switch {
     }
 };
 
+/// For what no other telecommand can do. Off by default, at the nodes and aboard.
+struct raw {
+    std::string payload; ///< text, or hexadecimal as "hex:0A1B" (raw_payload.hpp); at most 64 bytes
+
+    static constexpr command_traits traits{.kind = command_kind::raw,
+                                           .help = "Gives bytes to its controller as they are.",
+                                           .words = "raw {payload}",
+                                           .steers = true};
+    constexpr std::string_view danger() const {
+        return "The boat's controller gets these bytes as they are: neither shore nor boat checks what they do.";
+    }
+};
+
 /// Of a newer shore: its arguments cannot be read. It has no traits.
 struct unknown {
     command_kind kind{};
@@ -285,6 +305,7 @@ using any_telecommand =
                  commands::waypoint_delete, commands::waypoint_clear, commands::waypoint_read_back,
                  commands::waypoint_select, commands::set_parameter, commands::get_parameter, commands::tack_now,
                  commands::gybe_now, commands::set_telemetry_period, commands::request_status, commands::reboot,
-                 commands::emergency_beacon, commands::mission_stage, commands::mission_switch, commands::unknown>;
+                 commands::emergency_beacon, commands::mission_stage, commands::mission_switch, commands::raw,
+                 commands::unknown>;
 
 } // namespace atirma

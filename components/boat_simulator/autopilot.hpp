@@ -21,6 +21,9 @@ public:
     /// Rudder and sheet for the next step.
     actuators update(const boat_state& state, wind_vector wind, double leeway_rad, double dt_s);
 
+    /// Where rudder and sheet were left by somebody else: in mode `manual` they stay there.
+    void leave(const actuators& set) { last_.set = set; }
+
     void set_mode(sailing_mode mode, const boat_state& state, wind_vector wind);
     sailing_mode mode() const { return mode_; }
     /// Sails to that place and stays around it.

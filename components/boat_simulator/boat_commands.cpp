@@ -1,5 +1,7 @@
 #include <components/boat_simulator/simulated_boat.hpp>
 
+#include <components/boat/raw_payload.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,10 +10,11 @@
 
 namespace atirma::simulator {
 
-static constexpr double reboot_s = 6, step_ms = 100;
+static constexpr double step_ms = 100;
 
 ise::result<acknowledgement> simulated_boat::on_packet(link_id link, ise::bytes_view raw) {
     if (starting()) return ise::failure(ise::errc::not_connected, "the boat is starting");
+    if (fails()) return ise::failure(ise::errc::not_connected, "the boat's main controller does not run");
     auto command = parse_telecommand(raw);
     if (!command) {
         ++refused_;
@@ -179,17 +182,12 @@ struct simulated_boat::command_handlers {
         return std::string();
     }
     outcome operator()(const commands::reboot&) {
-        // The list, the parameters and the acknowledgements are in memory that survives.
-        boat.up_again_s_ = boat.now_s_ + reboot_s;
-        boat.booted_s_ = boat.up_again_s_;
-        boat.last_reset_ = reset_cause::commanded;
-        ++boat.boot_;
-        boat.sequence_ = 0;
-        boat.pilot_.forget_staged();
-        for (std::size_t i = 0; i < packet_type_count; ++i) boat.schedule_.request(static_cast<packet_type>(i));
+        boat.start_again(reset_cause::commanded);
         return fmt::format("starting, boot {}", boat.boot_);
     }
     outcome operator()(const commands::emergency_beacon& to) {
+        if (to.on && !boat.second_)
+            return ise::failure(ise::errc::refused, "it has no second controller: nothing would transmit");
         boat.beacon_ = to.on;
         boat.schedule_.request(packet_type::location);
         boat.schedule_.request(packet_type::navigation);
@@ -205,6 +203,14 @@ struct simulated_boat::command_handlers {
             if (auto good = boat.guard_.allows(*list); !good) return good.error();
         boat.pilot_.replace(std::move(*list), boat.state_);
         return list_changed({});
+    }
+    outcome operator()(const commands::raw& given) {
+        if (!boat.options_.raw_telecommands)
+            return ise::failure(ise::errc::refused, "raw telecommands are off aboard (--raw-telecommands)");
+        boat.last_raw_ = payload_bytes(given.payload).value(); // it was checked
+        auto bytes = fmt::format("{} byte{}", boat.last_raw_.size(), boat.last_raw_.size() == 1 ? "" : "s");
+        boat.say(fmt::format("raw telecommand: {} to the controller", bytes));
+        return "the controller has " + bytes; // the simulated one does nothing with them
     }
     outcome operator()(const commands::unknown&) { return std::string(); } // answered earlier
 };
@@ -227,6 +233,8 @@ acknowledgement simulated_boat::decide(const boat_command& command, std::uint32_
     ack.id = id;
     ack.kind = command.kind();
     auto good = check(command);
+    if (good && remote_ && traits_of(ack.kind).steers)
+        good = ise::failure(ise::errc::refused, "the remote control has the helm until it is released");
     auto done = good ? command.visit(command_handlers{*this, from}) : command_handlers::outcome(good.error());
     if (done) {
         ack.text = *done;

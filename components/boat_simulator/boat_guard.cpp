@@ -20,6 +20,11 @@ waypoint of(coast_point at) { return {at.latitude_deg, at.longitude_deg}; }
 } // namespace
 
 std::optional<boat_guard::order> boat_guard::update(const guarded_state& now) {
+    if (now.remote_control) { // its time is not that of a mode, and the limits count again when it ends
+        mode_since_s_ = now.now_s;
+        looked_at_.reset();
+        return std::nullopt;
+    }
     if (auto order = watch_limits(now)) return order;
     return watch_heading(now);
 }
@@ -31,7 +36,7 @@ void boat_guard::on_mode(double now_s) {
 }
 
 std::optional<boat_guard::order> boat_guard::watch_heading(const guarded_state& now) {
-    bool alone = now.mode == sailing_mode::hold || (now.mode == sailing_mode::manual && !now.remote_control);
+    bool alone = now.mode == sailing_mode::hold || now.mode == sailing_mode::manual;
     if (!alone || now.now_s - mode_since_s_ <= now.heading_time_limit_s) return std::nullopt;
     order made;
     made.station = last_clear_ && limits_ && limits_->clearance_m(of(now.at), station_clearance_m) < station_clearance_m

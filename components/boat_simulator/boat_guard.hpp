@@ -18,8 +18,8 @@ struct guarded_state {
     waypoint at;
     double east_mps = 0, north_mps = 0; ///< over ground
     sailing_mode mode = sailing_mode::manual;
-    bool remote_control = false;
-    bool fence_on = true; ///< parameter `fence`
+    bool remote_control = false; ///< somebody else steers: the guard only watches
+    bool fence_on = true;        ///< parameter `fence`
     double heading_time_limit_s = 900;
 };
 

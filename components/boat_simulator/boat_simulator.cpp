@@ -97,6 +97,12 @@ void boat_simulator::make_boat() {
         made.telemetry_period_s[static_cast<std::size_t>(link_id::gprs)] = period_s;
     }
     made.limits = read_limits();
+    made.raw_telecommands = options_.raw_telecommands;
+    made.second.reset();
+    if (!options_.beacon.device.empty()) {
+        made.second.emplace();
+        made.second->period_s = in_range("the period of the beacon in seconds", options_.beacon_period_s, 30, 86400);
+    }
     made.boot = options_.boot != 0 ? options_.boot : drawn_boot();
     wind_ = std::make_shared<simulator::scene_wind>(make_wind());
     if (!options_.memory_file.empty()) open_memory(made);
@@ -129,6 +135,10 @@ ise::task<> boat_simulator::run() {
             iridium_->open = [this](ise::bytes_view raw) { return opened(link_id::iridium, raw); };
         }
         spawn("Iridium", iridium_->run(*boat_));
+    }
+    if (!options_.beacon.device.empty()) {
+        beacon_ = std::make_unique<beacon_uplink>(on(), log(), options_.beacon);
+        spawn("beacon", beacon_->run());
     }
     if (!options_.gprs.empty()) {
         gprs::port_options call;
@@ -165,6 +175,9 @@ void boat_simulator::sail() {
     if (uplink_) boat_->set_link_status(uplink_status());
     if (iridium_) boat_->set_link_status(iridium_->status());
     boat_->advance(model_now());
+    if (beacon_) beacon_->carry(*boat_->second());
+    if (uplink_) uplink_->set_power(!boat_->fails());
+    if (boat_->fails()) return; // its modems have no power, or nobody uses them
     send_notices();
     send();
     send_uplink();
@@ -249,7 +262,7 @@ void boat_simulator::on_radio_event(const xbee::client_event& event) {
         ++(outcome->delivered ? sent_ : failed_);
         if (outcome->delivered) backlog_->on_radio_acknowledgement(now());
     } else if (const auto* packet = std::get_if<xbee::packet_received>(&event)) {
-        if (!radio_on_ || packet->source != options_.shore_address) return;
+        if (!radio_on_ || boat_->fails() || packet->source != options_.shore_address) return;
         auto plain = opened(link_id::xbee, packet->payload);
         if (!plain) return;
         heard_at_ = now();
@@ -285,6 +298,9 @@ void boat_simulator::heard(link_id link, ise::bytes_view raw) {
 
 scene boat_simulator::set_scene(const scene_request& request) {
     boat_->advance(model_now());
+    auto helm = helm_of(request);
+    if (request.beacon_power && !boat_->second())
+        throw ise::error(ise::errc::refused, "the boat has no second controller (--beacon-serial)");
     auto air = boat_->true_wind();
     if (request.wind_speed_mps) air.speed_mps = in_range("wind_speed_mps", *request.wind_speed_mps, 0, 40);
     if (request.wind_from_deg)
@@ -293,13 +309,40 @@ scene boat_simulator::set_scene(const scene_request& request) {
     if (request.original_wind) wind_->change(at_s, std::nullopt);
     else if (request.wind_speed_mps || request.wind_from_deg) wind_->change(at_s, air);
     if (request.radio_on) radio_on_ = *request.radio_on;
+    boat_->set_remote_control(helm);
+    if (request.main_power) boat_->set_main_power(*request.main_power);
+    if (request.main_controller) boat_->set_main_controller(*request.main_controller);
+    if (request.beacon_power) boat_->second()->set_power(*request.beacon_power);
     auto holds = wind_->at(at_s);
     scene result;
     result.wind_speed_mps = holds.speed_mps;
     result.wind_from_deg = holds.from_deg;
     result.original_wind = wind_->original();
     result.radio_on = radio_on_;
+    auto sails = boat_->navigation_now();
+    result.main_power = boat_->main_power();
+    result.main_controller = boat_->main_controller();
+    result.beacon_power = boat_->second() && boat_->second()->has_power();
+    result.remote_control = helm.has_value();
+    result.rudder_deg = helm ? helm->rudder_deg : sails.rudder_commanded_deg;
+    result.sail_deg = helm ? helm->sail_deg : sails.sail_commanded_deg;
     return result;
+}
+
+/// What the remote control holds after that request.
+std::optional<simulator::remote_helm> boat_simulator::helm_of(const scene_request& request) const {
+    auto helm = boat_->remote_control();
+    if (request.remote_control == false) helm.reset();
+    if (request.remote_control == true && !helm) {
+        auto now = boat_->navigation_now();
+        helm = {now.rudder_commanded_deg, now.sail_commanded_deg};
+    }
+    if (!helm && (request.rudder_deg || request.sail_deg))
+        throw ise::error(ise::errc::refused,
+                         "rudder_deg and sail_deg are of the remote control: give remote_control true with them");
+    if (request.rudder_deg) helm->rudder_deg = in_range("rudder_deg", *request.rudder_deg, -45, 45);
+    if (request.sail_deg) helm->sail_deg = in_range("sail_deg", *request.sail_deg, 0, 90);
+    return helm;
 }
 
 simulator::model_time boat_simulator::model_now() const {

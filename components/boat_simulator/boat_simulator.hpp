@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat_simulator/beacon_uplink.hpp>
 #include <components/boat_simulator/boat_memory.hpp>
 #include <components/boat_simulator/iridium_uplink.hpp>
 #include <components/boat_simulator/radio_backlog.hpp>
@@ -30,16 +31,20 @@ struct boat_simulator_options {
     xbee::port_options port;                          ///< the boat's own modem; an empty device: it has no radio
     std::uint64_t shore_address = 0x0013A20040000001; ///< of the shore's modem
     iridium_uplink_options iridium;                   ///< the boat's 9602; an empty device: it has none
-    std::string gprs;            ///< where it connects over GPRS: tcp, tls or udp; empty: it does not
-    gprs::uplink_options uplink; ///< of that link
-    double gprs_period_s = 5;    ///< of telemetry there, at the start; 0 is off
+    /// The second controller's own 9602; an empty device: the boat has no second controller.
+    iridium::sbd_port_options beacon;
+    double beacon_period_s = 600; ///< of its positions
+    std::string gprs;             ///< where it connects over GPRS: tcp, tls or udp; empty: it does not
+    gprs::uplink_options uplink;  ///< of that link
+    double gprs_period_s = 5;     ///< of telemetry there, at the start; 0 is off
     /// File with its state over a loss of power (boat_memory.hpp): it then continues at its position. Empty: no memory.
     std::string memory_file;
     /// File of the radio's key (seal_store.hpp): what the boat sends is sealed, and it refuses what is not. Empty: it
     /// obeys everybody on its links.
     std::string radio_key_file;
-    std::string fence_file;      ///< GeoJSON (components/coast): the boat stays within it; empty: it has no fence
-    bool keeps_off_coast = true; ///< it turns back before the coast of components/coast
+    std::string fence_file;        ///< GeoJSON (components/coast): the boat stays within it; empty: it has no fence
+    bool raw_telecommands = false; ///< whether raw telecommands go to its controller
+    bool keeps_off_coast = true;   ///< it turns back before the coast of components/coast
     /// Error of the boat's clock, which GPS does not set then; 0: GPS sets it, and it is right.
     double clock_off_s = 0;
     /// Called when a telecommand was executed, with its answer; for tests.
@@ -87,6 +92,7 @@ private:
     void tell_keys(const seal::boat_keys& before);
     void on_radio_event(const xbee::client_event& event);
     scene set_scene(const scene_request& request);
+    std::optional<simulator::remote_helm> helm_of(const scene_request& request) const;
     ground_truth truth() const;
     link_status radio_status() const;
     link_status uplink_status() const;
@@ -101,6 +107,7 @@ private:
     std::optional<xbee::token> asked_duty_;
     ise::time_point ask_duty_at_{};
     std::unique_ptr<iridium_uplink> iridium_;
+    std::unique_ptr<beacon_uplink> beacon_; // of the second controller
     std::unique_ptr<gprs::uplink_port> uplink_;
     std::unique_ptr<seal::boat_links> seal_; // empty: no key
     ise::log_limiter quiet_;

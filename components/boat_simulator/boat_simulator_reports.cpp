@@ -48,6 +48,14 @@ ground_truth boat_simulator::truth() const {
     result.wind_from_deg = static_cast<float>(air.from_deg);
     result.mode = how.mode;
     result.in_irons = how.in_irons;
+    result.remote_control = how.remote_control;
+    result.main_power = boat_->main_power();
+    result.main_controller = boat_->main_controller();
+    if (const auto* second = boat_->second()) {
+        result.beacon_transmits = second->transmits();
+        result.beacon_battery_percent = static_cast<float>(second->battery_percent());
+    }
+    if (beacon_) result.beacon_messages = beacon_->sent();
     result.waypoint_index = how.waypoint_index;
     result.waypoint_count = how.waypoint_count;
     result.laps = how.laps;

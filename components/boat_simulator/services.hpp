@@ -40,6 +40,12 @@ struct ground_truth {
     std::uint64_t gprs_acknowledged = 0;
     std::uint64_t gprs_resent = 0;
     std::uint64_t gprs_dropped = 0; ///< discarded because the memory was full
+    bool remote_control = false;    ///< it has rudder and sail
+    bool main_power = true;
+    bool main_controller = true;        ///< false: it hangs
+    bool beacon_transmits = false;      ///< the second controller tells the position
+    float beacon_battery_percent = 100; ///< of its own battery
+    std::uint64_t beacon_messages = 0;  ///< at the gateway
 };
 
 /// Changes the scene while the boat sails; missing fields do not change. An empty one only returns the scene.
@@ -48,12 +54,24 @@ struct scene_request {
     std::optional<double> wind_from_deg;  ///< true direction of its origin
     bool original_wind = false;           ///< back to the wind of the start
     std::optional<bool> radio_on;         ///< false: the boat neither sends nor receives
+    /// True: the remote control takes rudder and sail, at first as they stand; false: it releases them.
+    std::optional<bool> remote_control;
+    std::optional<double> rudder_deg; ///< -45 … 45, turns to starboard positive; only of the remote control
+    std::optional<double> sail_deg;   ///< 0 … 90, the sheet's widest angle; only of the remote control
+    /// False: the main power fails, the main controller hangs, the second controller has no power; true: it is back.
+    std::optional<bool> main_power, main_controller, beacon_power;
 };
 struct scene {
     double wind_speed_mps = 0;
     double wind_from_deg = 0;
     bool original_wind = true;
     bool radio_on = true;
+    bool remote_control = false;
+    double rudder_deg = 0; ///< as they stand, whoever steers
+    double sail_deg = 0;
+    bool main_power = true;
+    bool main_controller = true;
+    bool beacon_power = true;
 };
 
 namespace services {

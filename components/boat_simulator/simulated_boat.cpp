@@ -11,6 +11,7 @@ namespace {
 constexpr double step_s = 0.1;
 constexpr std::int64_t step_ns = 100'000'000;
 constexpr double capacity_ah = 20;
+constexpr double reboot_s = 6;
 
 waypoint start_of(const boat_options& options) {
     if (options.resumed) return options.resumed->home;
@@ -26,6 +27,7 @@ waypoint start_of(const boat_options& options) {
 simulated_boat::simulated_boat(boat_options options, std::shared_ptr<const wind_source> wind)
     : options_(std::move(options)), wind_(std::move(wind)), chart_(start_of(options_)), pilot_(chart_.origin()),
       guard_(options_.limits), boot_(options_.boot) {
+    if (options_.second) second_.emplace(*options_.second);
     if (!wind_) throw ise::error(ise::errc::invalid_argument, "a simulated boat without a wind");
     auto air = to_vector(wind_->at(0));
     state_.heading_rad =
@@ -85,7 +87,7 @@ void simulated_boat::advance(model_time now) {
         ++steps_;
         now_s_ = static_cast<double>(steps_) * step_s;
         sail(step_s);
-        if (!starting()) emit_due();
+        if (runs()) emit_due();
     }
 }
 
@@ -93,7 +95,9 @@ model_time simulated_boat::next_event() const { return model_time((steps_ + 1) *
 
 void simulated_boat::sail(double dt_s) {
     auto air = to_vector(wind_->at(now_s_));
-    if (!starting()) set_ = pilot_.update(state_, air, leeway_rad_, dt_s);
+    // The receiver of the remote control moves rudder and sheet itself, whatever the computer does.
+    if (remote_) set_ = {radians(remote_->rudder_deg), radians(remote_->sail_deg)};
+    else if (runs()) set_ = pilot_.update(state_, air, leeway_rad_, dt_s);
     vec before = state_.position_m;
     state_ = step(state_, set_, air, options_.model, dt_s);
     vec moved = state_.position_m - before;
@@ -103,18 +107,56 @@ void simulated_boat::sail(double dt_s) {
         double drift = wrap_rad(state_.heading_rad - angle_rad(ground_velocity_));
         leeway_rad_ += 0.02 * (std::clamp(drift, -0.5, 0.5) - leeway_rad_);
     }
-    if (!starting()) obey_guard(air);
+    if (runs()) obey_guard(air);
     double from_bow = wrap_rad(air.towards_rad + pi - state_.heading_rad);
     bool stuck = std::abs(state_.speed_mps) < 0.08 && std::abs(from_bow) < pi / 4 && air.speed_mps > 0.5;
     irons_s_ = stuck ? irons_s_ + dt_s : 0;
-    double draw_a = 0.35 + 0.4 * std::abs(set_.rudder_rad), hour = std::fmod(12 + now_s_ / 3600, 24.0);
+    double draw_a = main_power_ ? 0.35 + 0.4 * std::abs(set_.rudder_rad) : 0,
+           hour = std::fmod(12 + now_s_ / 3600, 24.0);
     double sun_a = std::max(0.0, std::sin((hour - 6) / 12 * pi)) * 0.9;
     charge_ah_ = std::clamp(charge_ah_ + (sun_a - draw_a) * dt_s / 3600, 0.0, capacity_ah);
     if (in_irons() != was_in_irons_) {
         was_in_irons_ = in_irons();
+        if (!runs()) return observe_from_second(dt_s);
         schedule_.request(packet_type::navigation);
         say(was_in_irons_ ? "in irons: head to wind without way" : "out of irons");
     }
+    observe_from_second(dt_s);
+}
+
+void simulated_boat::observe_from_second(double dt_s) {
+    if (!second_) return;
+    second_controller::observation now;
+    now.now_s = now_s_;
+    now.main_runs = !fails(); // a start is short, and no failure
+    now.main_power = main_power_;
+    now.commanded = beacon_ && !fails();
+    now.fix = location_now();
+    now.clock = clock_now() - options_.clock_off.value_or(std::chrono::milliseconds(0)); // it has a GPS of its own
+    second_->update(now, dt_s);
+}
+
+void simulated_boat::set_main_power(bool on) { set_failing(main_power_, on, reset_cause::brown_out); }
+void simulated_boat::set_main_controller(bool works) { set_failing(main_works_, works, reset_cause::watchdog); }
+
+void simulated_boat::set_failing(bool& what, bool works, reset_cause why) {
+    bool failed = fails();
+    what = works;
+    if (fails() && !failed) {
+        for (auto& waiting : queues_) waiting = {};
+    }
+    if (failed && !fails()) start_again(why);
+}
+
+/// The list, the parameters and the acknowledgements are in memory that survives.
+void simulated_boat::start_again(reset_cause why) {
+    up_again_s_ = now_s_ + reboot_s;
+    booted_s_ = up_again_s_;
+    last_reset_ = why;
+    boot_ = static_cast<std::uint16_t>(boot_ == 65535 ? 1 : boot_ + 1); // never that of the second controller
+    sequence_ = 0;
+    pilot_.forget_staged();
+    for (std::size_t i = 0; i < packet_type_count; ++i) schedule_.request(static_cast<packet_type>(i));
 }
 
 void simulated_boat::obey_guard(wind_vector air) {
@@ -124,6 +166,7 @@ void simulated_boat::obey_guard(wind_vector air) {
     now.east_mps = ground_velocity_.x;
     now.north_mps = ground_velocity_.y;
     now.mode = pilot_.mode();
+    now.remote_control = remote_.has_value();
     now.fence_on = pilot_.parameter(parameter_id::fence) != 0;
     now.heading_time_limit_s = static_cast<double>(pilot_.parameter(parameter_id::heading_time_limit));
     auto order = guard_.update(now);
@@ -131,6 +174,17 @@ void simulated_boat::obey_guard(wind_vector air) {
     pilot_.keep_station(order->station, state_, air);
     schedule_.request(packet_type::navigation);
     say(order->why);
+}
+
+void simulated_boat::set_remote_control(std::optional<remote_helm> helm) {
+    bool had = remote_.has_value();
+    remote_ = helm;
+    if (had == remote_.has_value()) return;
+    if (had) pilot_.leave(set_);
+    if (!runs()) return;
+    schedule_.request(packet_type::navigation);
+    say(had ? fmt::format("the remote control released the helm: mode {}", name_of(pilot_.mode()))
+            : "the remote control has the helm");
 }
 
 power simulated_boat::power_now() const {

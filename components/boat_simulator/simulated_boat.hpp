@@ -3,6 +3,7 @@
 #include <components/boat_simulator/autopilot.hpp>
 #include <components/boat_simulator/boat_guard.hpp>
 #include <components/boat_simulator/course.hpp>
+#include <components/boat_simulator/second_controller.hpp>
 #include <components/boat_simulator/telemetry_schedule.hpp>
 #include <components/boat_simulator/wind_source.hpp>
 
@@ -47,6 +48,15 @@ struct boat_options {
     std::uint64_t seed = 1;                ///< for the noise of the instruments
     boat_parameters model = small_boat_parameters();
     std::shared_ptr<const sea_limits> limits; ///< coast and fence; null: it knows none
+    /// Nothing: it has none, and refuses to switch on the emergency beacon.
+    std::optional<second_controller_options> second = second_controller_options();
+    bool raw_telecommands = false; ///< whether raw telecommands go to its controller
+};
+
+/// Rudder and sheet as the remote control sets them.
+struct remote_helm {
+    double rudder_deg = 0; ///< -45 … 45, turns to starboard positive
+    double sail_deg = 0;   ///< widest angle that the sheet allows, 0 … 90
 };
 
 /// A packet for a link, ready to send.
@@ -91,6 +101,22 @@ public:
     /// validity is over is not executed, and may come again under that id.
     acknowledgement execute(const telecommand& command, link_id from = link_id::xbee);
 
+    /// The remote control takes rudder and sheet, or moves them; telecommands that steer are refused until it releases
+    /// them (nothing). Then the boat sails on in its mode.
+    void set_remote_control(std::optional<remote_helm> helm);
+    const std::optional<remote_helm>& remote_control() const { return remote_; }
+
+    /// The main power fails, or the main controller hangs: nobody steers, what waited for links is lost, and packets
+    /// are ignored. When it works again it starts, in the next boot.
+    void set_main_power(bool on);
+    void set_main_controller(bool works);
+    bool main_power() const { return main_power_; }
+    bool main_controller() const { return main_works_; }
+    bool fails() const { return !main_power_ || !main_works_; }
+    /// Null: it has none.
+    second_controller* second() { return second_ ? &*second_ : nullptr; }
+    const second_controller* second() const { return second_ ? &*second_ : nullptr; }
+
     /// The state reported by the link's driver; sent in the next link_status packet.
     void set_link_status(const link_status& status);
 
@@ -101,6 +127,7 @@ public:
     configuration configuration_now() const;
     bool in_irons() const { return irons_s_ > 8; }
     bool starting() const { return now_s_ < up_again_s_; }
+    bool runs() const { return !fails() && !starting(); } ///< the main controller
     const boat_state& state() const { return state_; }
     const autopilot& pilot() const { return pilot_; }
     const local_chart& chart() const { return chart_; }
@@ -111,6 +138,7 @@ public:
     remembered_boat remember() const;
     const std::deque<acknowledgement>& executed() const { return acknowledged_; }
     std::uint64_t executed_count() const { return executed_count_; } ///< the number ever added to `executed()`
+    const ise::bytes& last_raw() const { return last_raw_; }         ///< the payload of the last raw telecommand
     std::uint32_t authority() const { return authority_; }           ///< the epoch that it obeys; 0: any
     std::uint64_t late_count() const { return late_count_; }         ///< telecommands refused as expired
     /// By its own clock, which never goes back within a boot.
@@ -120,6 +148,9 @@ private:
     void resume(const remembered_boat& from);
     void sail(double dt_s);
     void obey_guard(wind_vector air);
+    void observe_from_second(double dt_s);
+    void start_again(reset_cause why);
+    void set_failing(bool& what, bool works, reset_cause why);
     void emit_due();
     void emit(link_id link, const telemetry_body& body);
     void emit(link_id link, packet_type type);
@@ -144,6 +175,10 @@ private:
     telemetry_schedule schedule_;
     boat_state state_;
     actuators set_;
+    std::optional<remote_helm> remote_;
+    std::optional<second_controller> second_;
+    bool main_power_ = true, main_works_ = true;
+    ise::bytes last_raw_;
     struct send_queue {
         std::deque<ise::bytes> answers, telemetry;
     };

@@ -29,6 +29,7 @@ navigation simulated_boat::navigation_now() const {
     p.mode = pilot_.mode();
     p.on = ap.speed_mps < 0.1 ? tack::none : bow_angle_deg(ap) > 0 ? tack::starboard : tack::port;
     p.in_irons = in_irons();
+    p.remote_control = remote_.has_value();
     p.beacon = beacon_;
     p.at_fence = guard_.at_fence();
     p.heading_deg = static_cast<float>(compass_deg(state_.heading_rad));

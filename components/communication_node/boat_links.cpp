@@ -44,7 +44,7 @@ void boat_links::look() {
 }
 
 void boat_links::heard(const telemetry_packet& packet) {
-    heard(packet.link);
+    if (packet.boot != beacon_boot) heard(packet.link); // telecommands do not reach the second controller
     if (auto* over = find(packet.link)) {
         ++over->health.packets;
         over->health.last_heard = here_.clock();

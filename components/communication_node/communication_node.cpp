@@ -94,6 +94,10 @@ void communication_node::parts::offer_services() {
         return telecommands.command(std::move(request), operator_of(context.caller, context.who),
                                     std::string(context.who), context.deadline);
     });
+    self.provide(services::raw_telecommand, [this](telecommand_request request, const ise::call_context& context) {
+        return telecommands.raw_command(std::move(request), operator_of(context.caller, context.who),
+                                        std::string(context.who), context.deadline);
+    });
     self.provide(services::telecommand_recall, [this](recall_request request, const ise::call_context& context) {
         return telecommands.call_back(std::move(request), operator_of(context.caller, context.who));
     });

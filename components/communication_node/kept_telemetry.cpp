@@ -94,7 +94,8 @@ void kept_telemetry::note_fix(const telemetry_packet& packet) {
     if (packet.history || (fix_ && measured <= fix_->measured_at)) return;
     auto message = parse_telemetry(packet.raw);
     const auto* at = message ? std::get_if<location>(&message->body) : nullptr;
-    if (at && has_fix(*at)) fix_ = current_fix{packet.link, measured, at->latitude_deg, at->longitude_deg};
+    if (at && has_fix(*at))
+        fix_ = current_fix{packet.link, measured, at->latitude_deg, at->longitude_deg, packet.boot == beacon_boot};
 }
 
 ise::task<keep_reply> kept_telemetry::keep(keep_request request) {

@@ -1,5 +1,7 @@
 #include <components/communication_node/node_telecommands.hpp>
 
+#include <components/boat/raw_payload.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -144,6 +146,30 @@ ise::result<command_record> node_telecommands::begin(const telecommand_request& 
 
 ise::task<telecommand_reply> node_telecommands::command(telecommand_request request, std::string who,
                                                         std::string verified, ise::time_point deadline) {
+    if (request.command.get_if<commands::raw>())
+        throw command_refused(
+            "a raw telecommand goes to the service raw_telecommand, which an access policy grants by itself");
+    return accept(std::move(request), std::move(who), std::move(verified), deadline);
+}
+
+ise::task<telecommand_reply> node_telecommands::raw_command(telecommand_request request, std::string who,
+                                                            std::string verified, ise::time_point deadline) {
+    const auto* raw = request.command.get_if<commands::raw>();
+    if (!raw)
+        throw command_refused(fmt::format("{} is no raw telecommand: send it to the service telecommand",
+                                          name_of(request.command.kind())));
+    if (!here_.options.raw_telecommands)
+        throw command_refused(fmt::format("raw telecommands are off at {} (--raw-telecommands)", here_.self.path()));
+    here_.self.log().warning("a raw telecommand is asked for",
+                             {{"by", who},
+                              {"verified", verified},
+                              {"confirmed", request.confirmed ? "yes" : "no"},
+                              {"payload", raw->payload.substr(0, 4 * max_raw_bytes)}});
+    return accept(std::move(request), std::move(who), std::move(verified), deadline);
+}
+
+ise::task<telecommand_reply> node_telecommands::accept(telecommand_request request, std::string who,
+                                                       std::string verified, ise::time_point deadline) {
     std::optional<command_record> record;
     if (request.id != 0) {
         auto found = known(request.id);

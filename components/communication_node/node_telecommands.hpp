@@ -40,12 +40,17 @@ public:
     /// `verified`: the identity of `who`; empty: not verified.
     ise::task<telecommand_reply> command(telecommand_request request, std::string who, std::string verified,
                                          ise::time_point deadline);
+    /// The same for raw ones, which `command` refuses.
+    ise::task<telecommand_reply> raw_command(telecommand_request request, std::string who, std::string verified,
+                                             ise::time_point deadline);
     record_page record(const record_request& request);
     /// Only by the operator who gave it, or who has the authority.
     ise::task<recall_reply> call_back(recall_request request, std::string who);
 
 private:
     ise::result<std::optional<command_record>> known(std::uint32_t id);
+    ise::task<telecommand_reply> accept(telecommand_request request, std::string who, std::string verified,
+                                        ise::time_point deadline);
     void check(const telecommand_request& request, const std::string& who);
     ise::result<command_record> begin(const telecommand_request& request, const std::string& who,
                                       const std::string& verified);

@@ -30,6 +30,7 @@ struct communication_node_options {
     std::uint64_t max_commands = 100'000;  ///< on record, the same
     std::vector<link_terms> links = usual_links();
     desk_options desk;
+    bool raw_telecommands = false; ///< whether raw telecommands may be sent
 };
 
 } // namespace atirma

@@ -46,10 +46,17 @@ void uplink_port::put_sealed(ise::bytes raw) {
     service();
 }
 
+void uplink_port::set_power(bool on) {
+    if (power_ == on) return;
+    power_ = on;
+    if (!on && (stream_ || socket_) && closing_.empty()) close("the modem has no power");
+}
+
 ise::task<> uplink_port::run() {
     auto pause = options_.min_retry;
     for (;;) {
         std::string problem;
+        while (!power_) co_await ise::sleep_for(loop_, options_.min_retry);
         if (link_.counters().sessions == 0) log_.info("the uplink calls the shore", {{"shore", options_.shore.text()}});
         if (options_.shore.kind == ise::protocol::udp) problem = co_await serve_datagrams();
         else problem = co_await serve_stream();
@@ -74,6 +81,7 @@ ise::task<std::string> uplink_port::serve_stream() {
     auto made = co_await ise::net::connect_until(loop_, options_.shore, until, options_.security);
     if (!made && made.error().code() == ise::errc::cancelled) co_return std::string();
     if (!made) co_return made.error().message();
+    if (!power_) co_return std::string();
     stream_ = std::move(*made);
     closing_.clear();
     link_.opened(loop_.now());

@@ -39,6 +39,8 @@ public:
 
     void put(ise::bytes raw);
     void put_sealed(ise::bytes raw); ///< see uplink
+    /// Without power the way is closed and none is opened; packets are kept.
+    void set_power(bool on);
     void set_period(ise::duration period) { link_.set_period(period); }
 
     bool connected() const noexcept { return link_.answered(); }
@@ -68,7 +70,7 @@ private:
     std::string closing_; // why this way was closed by ourselves
     std::array<std::byte, 1024> buffer_{};
     std::string trouble_ = "the shore was not called yet";
-    bool servicing_ = false;
+    bool servicing_ = false, power_ = true;
 };
 
 } // namespace atirma::gprs

@@ -6,6 +6,7 @@
 #include <components/boat/remote_telemetry_store.hpp>
 #include <components/boat/telecommand_service.hpp>
 #include <components/boat/telemetry_keeper.hpp>
+#include <components/gprs_proxy/gprs_account.hpp>
 #include <components/gprs_proxy/listeners.hpp>
 #include <components/seal_store/seal_store.hpp>
 
@@ -21,6 +22,7 @@
 namespace atirma {
 namespace {
 using namespace std::chrono_literals;
+constexpr ise::duration keep_account_period = 10s; // each time is a write to the disk
 } // namespace
 
 struct gprs_proxy::link {
@@ -56,6 +58,8 @@ struct gprs_proxy::link {
     std::vector<ise::endpoint> listening;
     std::string from, gone = "the boat has not called yet";
     std::optional<telemetry_keeper> keeper;
+    std::optional<gprs_account> account;
+    std::string account_trouble;
     gprs_state counts;
     ise::publication<ise::subscription<telemetry_packet>> telemetry;
     ise::publication<ise::subscription<gprs_state>> states;
@@ -81,17 +85,52 @@ ise::task<> gprs_proxy::run() {
         require(services::telemetry_store);
         options_.store = std::make_shared<remote_telemetry_store>(find_component(*this, options_.store_at));
     }
+    if (options_.database.empty() && (options_.daily_budget > 0 || options_.monthly_budget > 0))
+        throw ise::error(ise::errc::invalid_argument,
+                         "--daily-budget and --monthly-budget need --database FILE: what was spent must survive a "
+                         "restart of the proxy");
     link_ = std::make_unique<link>(*this, options_);
+    when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
+    auto file = options_.database.empty() ? "memory:" + path() + "/account" : options_.database;
+    link_->account.emplace(
+        gprs_account::open(file, options_.daily_budget, options_.monthly_budget, clock(), std::move(how)).value());
+    struct keep_at_end {
+        gprs_proxy& self;
+        ~keep_at_end() { self.keep_account(); }
+    } guard{*this};
     link_->seal = seal::shore_link::open_for(*this, options_.radio_key_file, link_id::gprs, options_.radio_secondary);
     if (options_.store) link_->keeper.emplace(*this, options_.store, "the boat is not acknowledged");
     open_doors();
     provide_all();
     spawn("store", keep());
     if (options_.on_listening) options_.on_listening(link_->listening);
+    auto keep_at = now();
     for (;;) {
-        co_await sleep(options_.state_period);
+        if (now() >= keep_at) {
+            keep_at = ise::saturating_add(now(), keep_account_period);
+            keep_account();
+        }
         publish_state();
+        co_await sleep(options_.state_period);
     }
+}
+
+void gprs_proxy::keep_account() {
+    auto& l = *link_;
+    auto kept = l.account->keep(clock());
+    auto trouble = kept ? std::string() : "what was spent cannot be kept: " + kept.error().message();
+    if (trouble != l.account_trouble && !trouble.empty()) log().error(trouble);
+    l.account_trouble = trouble;
+}
+
+/// What may save the boat is worth its bytes, and what makes telemetry rarer saves them.
+ise::result<void> gprs_proxy::within_budget(const boat_command& command) const {
+    auto end = end_of_budget(link_->account->budget(), 1, clock());
+    const auto* period = command.get_if<commands::set_telemetry_period>();
+    if (!end || traits_of(command.kind()).priority == command_priority::saves) return {};
+    if (period && period->link == link_id::gprs) return {};
+    return ise::failure(ise::errc::refused,
+                        fmt::format("GPRS: {}; send it over another link, or raise the budget", end->text));
 }
 
 void gprs_proxy::open_doors() {
@@ -101,7 +140,13 @@ void gprs_proxy::open_doors() {
         act();
     };
     l.sockets.on_bytes = [this](std::uint64_t channel, ise::bytes_view bytes) {
+        auto was = link_->shore.boat();
         link_->shore.on_bytes(now(), channel, bytes);
+        const auto& boat = link_->shore.boat(); // who has not logged in is not charged to the boat
+        if (boat && !boat->datagrams && boat->channel == channel) {
+            if (was != boat) link_->account->connected();
+            link_->account->count(false, bytes.size(), false);
+        }
         act();
     };
     l.sockets.on_disconnected = [this](std::uint64_t channel, const std::string& reason) {
@@ -115,6 +160,7 @@ void gprs_proxy::open_doors() {
     };
     l.sockets.on_datagram = [this](const gprs::way& by, ise::bytes_view content) {
         link_->shore.on_datagram(now(), by, content);
+        if (link_->shore.boat() == by) link_->account->count(false, content.size(), true);
         act();
     };
     if (options_.listen.empty())
@@ -132,6 +178,7 @@ void gprs_proxy::provide_all() {
     l.telemetry = publish(services::telemetry);
     l.states = publish(services::gprs);
     l.commands.give = [this] { return give(); };
+    l.commands.admit = [this](const telecommand_request& request) { return within_budget(request.command); };
     l.commands.provide();
     publish_state();
 }
@@ -152,6 +199,7 @@ void gprs_proxy::handle(const gprs::shore_event& event) {
     auto& l = *link_;
     if (const auto* send = std::get_if<gprs::send_text>(&event)) {
         l.sockets.send(send->to, send->text);
+        if (l.shore.boat() == send->to) l.account->count(true, send->text.size(), send->to.datagrams);
     } else if (const auto* cut = std::get_if<gprs::cut_off>(&event)) {
         l.sockets.cut(cut->whom.channel);
         auto left_out = cut->stranger ? l.strangers.admit(now()) : std::optional<std::uint64_t>(0);
@@ -311,6 +359,7 @@ void gprs_proxy::publish_state() {
     result.connected = l.shore.boat().has_value();
     result.from = l.from;
     result.trouble = l.keeper && !l.keeper->trouble().empty() ? l.keeper->trouble() : l.gone;
+    if (result.trouble.empty()) result.trouble = l.account_trouble;
     const auto& counted = l.shore.counters();
     if (result.connected) result.connected_since = civil(l.shore.came_at());
     if (counted.logins > 0) result.last_heard = civil(l.shore.heard_at());
@@ -333,6 +382,14 @@ void gprs_proxy::publish_state() {
     result.strange_outcomes = counted.strange_outcomes;
     result.telecommands_open = l.commands.tracker().open_count();
     result.seal = seal::shore_link::report(l.seal);
+    result.day = day_text(clock());
+    result.today = l.account->today();
+    result.this_month = l.account->this_month();
+    result.budget = l.account->budget();
+    if (auto end = end_of_budget(result.budget, 1, clock()))
+        result.budget_notice = end->text +
+                               "; telecommands are refused meanwhile, except modes, beacon and the period of "
+                               "telemetry over GPRS. Telemetry goes on: make it rarer";
     l.states(result);
 }
 

@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/boat_command.hpp>
 #include <components/boat/telecommand_tracker.hpp>
 #include <components/boat/telemetry_store.hpp>
 #include <components/gprs/shore.hpp>
@@ -26,6 +27,10 @@ struct gprs_proxy_options {
     /// everybody on the link is believed.
     std::string radio_key_file;
     bool radio_secondary = false; ///< its counters are those of the secondary lane
+    /// File (SQLite) with what was spent; empty: counted since the start only, and without a budget.
+    std::string database;
+    std::uint64_t daily_budget = 0;                                      ///< bytes a day (UTC), both ways; 0: unlimited
+    std::uint64_t monthly_budget = 0;                                    ///< the same for a month
     std::function<void(const std::vector<ise::endpoint>&)> on_listening; ///< on the component's loop
 };
 
@@ -52,6 +57,8 @@ private:
     void on_outcome(const gprs::outcome& result);
     ise::task<> keep();
     bool give();
+    ise::result<void> within_budget(const boat_command& command) const;
+    void keep_account();
     void publish_state();
     utc_time clock() const;
     utc_time civil(ise::time_point at) const;

@@ -1,9 +1,17 @@
 #pragma once
+#include <components/boat/link_budget.hpp>
 #include <components/boat/link_seal.hpp>
 #include <components/boat/services.hpp>
 
 // What the GPRS proxy provides besides telemetry, telecommand and telecommand_state.
 namespace atirma {
+
+/// What the boat's mobile contract was charged for, in bytes with an estimate of their headers.
+struct gprs_spending {
+    std::uint64_t from_boat_bytes = 0;
+    std::uint64_t to_boat_bytes = 0;
+    std::uint64_t bytes() const noexcept { return from_boat_bytes + to_boat_bytes; }
+};
 
 /// The link as the shore sees it, every two seconds and when the boat comes or goes.
 struct gprs_state {
@@ -37,6 +45,11 @@ struct gprs_state {
     std::uint64_t telecommands_acknowledged = 0;
     std::uint64_t telecommands_open = 0;
     link_seal seal;
+    std::string day; ///< "2026-11-21", UTC
+    gprs_spending today;
+    gprs_spending this_month;
+    link_budget budget;        ///< in bytes, both ways
+    std::string budget_notice; ///< what the end of the budget means now; empty: it is not spent
 };
 
 namespace services {

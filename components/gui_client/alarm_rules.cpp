@@ -24,6 +24,15 @@ void watch_boat(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
         alarms.set("no_data", silent, severity::critical,
                    fmt::format("Nothing heard from the boat since {}", clock_text(*boat.last_heard)), now);
     }
+    auto cause = boat.beacon ? boat.beacon->value.text : std::string("beacon");
+    alarms.set(
+        "second_controller", boat.on_beacon(), severity::critical,
+        boat.on_beacon()
+            ? fmt::format("The newest position, of {}, is the second controller's ({}). Nothing newer comes from "
+                          "the main one: expect that nobody steers and that no telecommand arrives",
+                          clock_text(boat.position->measured_at), cause)
+            : std::string(),
+        now);
     alarms.set("fix", !boat.has_fix, severity::warning, "The boat has no position fix", now);
     if (boat.supply) {
         const auto& p = boat.supply->value;
@@ -44,7 +53,8 @@ void watch_boat(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
         alarms.set("turned_back", n.at_fence, severity::warning,
                    "The boat has turned back at its fence or before the coast, and loiters: give it another course",
                    now);
-        alarms.set("remote_control", n.remote_control, severity::notice, "The remote control has the helm", now);
+        alarms.set("remote_control", n.remote_control, severity::notice,
+                   "The remote control has the helm: the boat refuses telecommands that steer it", now);
         bool follows =
             (n.mode == sailing_mode::automatic || n.mode == sailing_mode::return_home) && n.waypoint_count > 0;
         const auto* off = alarms.find("off_track");
@@ -55,6 +65,22 @@ void watch_boat(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
             "off_track", is_off, severity::warning,
             fmt::format("Off track: {:.0f} m {} of the leg", error, n.cross_track_error_m > 0 ? "right" : "left"), now);
     }
+}
+
+void watch_budget(alarm_book& alarms, const std::string& path, const link_view& link, utc_time now) {
+    auto budget = link.budget();
+    auto end = end_of_budget(budget, 1, now);
+    auto left = [](const std::optional<std::uint64_t>& limit, const std::optional<std::uint64_t>& rest) {
+        return limit ? 100 * rest.value_or(0) / *limit : 100;
+    };
+    std::string text;
+    if (end && link.gprs) text = link.gprs->budget_notice;
+    else if (end) text = end->text + "; telecommands over it wait";
+    else
+        text = fmt::format("{} % of today's budget and {} % of this month's are left",
+                           left(budget.daily, budget.daily_left), left(budget.monthly, budget.monthly_left));
+    alarms.set("budget:" + path, end || is_low(budget), end ? severity::warning : severity::notice,
+               fmt::format("{}: {}", label(link), text), now);
 }
 
 void watch_links(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
@@ -78,6 +104,7 @@ void watch_links(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
                                                            : std::string();
         alarms.set("port:" + path, link.connected && !trouble.empty(), severity::warning,
                    fmt::format("{}: {}", name, trouble), now);
+        watch_budget(alarms, path, link, now);
         bool silent = false;
         if (link.last_heard && link.link) {
             double period = boat.rhythm.position_s(*link.link);

@@ -31,7 +31,7 @@ bool boat_record::take(const location& result, const telemetry_packet& packet, u
     bool fix = has_fix(result);
     bool newest = !packet.history && (!view_.position || plausible_time(packet) >= view_.position->measured_at);
     if (newest) view_.has_fix = fix;
-    if (!packet.history) view_.rhythm.on_report(packet.link, plausible_time(packet));
+    if (!packet.history && packet.boot != beacon_boot) view_.rhythm.on_report(packet.link, plausible_time(packet));
     return fix && take_newer(view_.position, result, packet, now);
 }
 
@@ -41,13 +41,15 @@ bool boat_record::take(const link_status& result, const telemetry_packet& packet
 }
 
 bool boat_record::take(const notice& result, const telemetry_packet& packet, utc_time now) {
+    if (packet.boot == beacon_boot) take_newer(view_.beacon, result, packet, now);
     view_.notices.push_back(heard<notice>{result, packet.measured_at, now, packet.link, packet.boot});
     if (view_.notices.size() > max_notices_) view_.notices.erase(view_.notices.begin());
     return true;
 }
 
 std::optional<std::uint16_t> boat_record::on_boot(const telemetry_packet& packet) {
-    if (packet.history || boot_ == packet.boot || packet.measured_at < boot_measured_) return std::nullopt;
+    if (packet.history || packet.boot == beacon_boot || boot_ == packet.boot || packet.measured_at < boot_measured_)
+        return std::nullopt;
     boot_measured_ = packet.measured_at;
     return std::exchange(boot_, packet.boot);
 }

@@ -119,6 +119,7 @@ ise::task<> gui_client::run() {
     });
     require(services::telemetry);
     require(services::telecommand);
+    require(services::raw_telecommand);
     require(services::telecommand_state);
     require(services::telecommand_recall);
     require(services::xb_local);

@@ -101,7 +101,10 @@ ise::task<command_phase> telecommand_sender::repeat(std::string to, telecommand_
         if (stop && *stop) co_return command_phase::sent;
         auto deadline = std::min(time_to_give(left), max_deadline);
         request.valid_s = std::chrono::duration<float>(left - deadline).count();
-        auto answer = co_await provider.try_call(services::telecommand, request, deadline);
+        // A node has a service of its own for raw ones; a proxy has one for all.
+        bool raw = request.command.get_if<commands::raw>() && !context_.role.empty();
+        const auto& service = raw ? services::raw_telecommand : services::telecommand;
+        auto answer = co_await provider.try_call(service, request, deadline);
         if (answer) {
             if (answer->executed_at) context_.state.on_executed(request.id, *answer->executed_at);
             if (is_final(answer->state))

@@ -24,10 +24,13 @@ struct boat_view {
     std::optional<heard<power>> supply;
     std::optional<heard<configuration>> settings;
     std::array<std::optional<heard<link_status>>, link_count> links; ///< as the boat sees them
+    std::optional<heard<notice>> beacon;                             ///< the newest words of the second controller
     std::vector<heard<notice>> notices;                              ///< the last ones, oldest first
     bool has_fix = true;                                             ///< of the newest location
     std::optional<utc_time> last_heard;                              ///< over any link, by the console's clock
     report_rhythm rhythm;                                            ///< how often it reports over each link
+    /// The newest position is the second controller's: the main one or its power fails.
+    bool on_beacon() const noexcept { return position && position->boot == beacon_boot; }
     std::optional<utc_time> mode_since; ///< measured: the first report of the present mode that came here
 };
 
@@ -74,6 +77,12 @@ struct link_view {
     std::optional<gprs_state> gprs;         ///< of a GPRS proxy: how the boat is connected
     std::optional<iridium_account> account; ///< of an Iridium proxy: its costs
     std::optional<utc_time> told_at;        ///< of `gprs` or `account`
+    /// What it may cost, by its proxy's report: Iridium in credits, GPRS in bytes.
+    link_budget budget() const {
+        if (gprs) return gprs->budget;
+        if (!account) return {};
+        return {account->daily_budget, account->budget_left, account->monthly_budget, account->monthly_budget_left};
+    }
     /// How it is sealed, by its proxy's report; null: it has not told.
     const link_seal* seal() const noexcept {
         return xbee ? &xbee->seal : gprs ? &gprs->seal : account ? &account->seal : nullptr;

@@ -143,6 +143,12 @@ std::string label(const link_view& link) {
 
 std::string label(parameter_id id) { return spaced(name_of(id)); }
 
+std::string bytes_text(std::uint64_t bytes) {
+    auto number = static_cast<double>(bytes);
+    if (bytes < 10'000) return fmt::format("{} B", bytes);
+    return bytes < 1'000'000 ? fmt::format("{:.1f} kB", number / 1e3) : fmt::format("{:.1f} MB", number / 1e6);
+}
+
 std::string describe(const waypoint& at) { return fmt::format("{:.5f}, {:.5f}", at.latitude_deg, at.longitude_deg); }
 
 std::string describe(command_kind kind) { return spaced(name_of(kind)); }
@@ -152,6 +158,7 @@ namespace {
 template <class T>
 std::string argument_words(const T& value, const std::optional<argument_range>& range) {
     if constexpr (std::is_same_v<T, waypoint>) return describe(value);
+    else if constexpr (std::is_same_v<T, std::string>) return value;
     else if constexpr (std::is_same_v<T, bool>) return value ? "on" : "off";
     else if constexpr (requires { label(value); }) return label(value);
     else if constexpr (std::is_enum_v<T>) return spaced(name_of(value));
@@ -190,7 +197,8 @@ packet_text describe(const telemetry_packet& packet) {
     packet_text made;
     field_list list;
     list.add("link", label(packet.link) + (packet.history ? ", history" : ""));
-    list.add("boot, sequence", fmt::format("{}, {}", packet.boot, packet.sequence));
+    list.add("boot, sequence", fmt::format("{}{}, {}", packet.boot,
+                                           packet.boot == beacon_boot ? " (second controller)" : "", packet.sequence));
     list.add("measured", iso_time(packet.measured_at));
     list.add("received", iso_time(packet.received_at));
     auto message = parse_telemetry(packet.raw);

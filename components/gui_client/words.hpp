@@ -27,6 +27,8 @@ std::string describe(command_kind kind);
 std::string label(parameter_id id);
 /// 28.15300, -15.44800.
 std::string describe(const waypoint& at);
+/// "980 B", "12.5 kB", "3.1 MB".
+std::string bytes_text(std::uint64_t bytes);
 
 /// Why the operator must confirm this command before it is sent; empty: no confirmation is needed.
 std::string danger(const boat_command& command);

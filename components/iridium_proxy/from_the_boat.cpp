@@ -34,6 +34,10 @@ iridium::mo_message message_of(const iridium_mail::mo_session& session) {
 }
 } // namespace
 
+bool iridium_proxy::is_ours(std::string_view imei) const {
+    return imei == options_.imei || (!options_.beacon_imei.empty() && imei == options_.beacon_imei);
+}
+
 void iridium_proxy::refuse(std::string_view what, const std::string& peer, const std::string& why) {
     ++state_->counts.refused;
     if (auto left_out = state_->quiet.admit(now()))
@@ -56,7 +60,7 @@ ise::http_response iridium_proxy::on_post(const ise::http_request& request) {
         auto good = state_->key->verify(*delivery, std::chrono::floor<std::chrono::seconds>(clock()));
         if (!good) return refused(401, good.error().message());
     }
-    if (delivery->message.imei != options_.imei)
+    if (!is_ours(delivery->message.imei))
         return refused(403, fmt::format("IMEI {} is not the boat's", delivery->message.imei));
     auto kept = accept(delivery->message, "http");
     if (!kept) return answer(500, "the message could not be kept, send it again: " + kept.error().message());
@@ -65,7 +69,7 @@ ise::http_response iridium_proxy::on_post(const ise::http_request& request) {
 
 ise::bytes iridium_proxy::on_directip(ise::bytes_view whole, const std::string& peer) {
     auto message = iridium::parse_directip_mo(whole);
-    if (!message || message->imei != options_.imei) {
+    if (!message || !is_ours(message->imei)) {
         refuse("a DirectIP message is refused", peer,
                message ? fmt::format("IMEI {} is not the boat's", message->imei) : message.error().message());
         return iridium::encode_mo_confirmation(false);
@@ -120,7 +124,7 @@ ise::result<void> iridium_proxy::on_mail(const mail_message& mail) {
         return {};
     }
     if (const auto* session = std::get_if<iridium_mail::mo_session>(&*read)) {
-        if (session->imei != options_.imei) {
+        if (!is_ours(session->imei)) {
             refuse("a mail is passed over", mail.from, fmt::format("IMEI {} is not the boat's", session->imei));
             return {};
         }
@@ -155,7 +159,9 @@ ise::result<void> iridium_proxy::accept(const iridium::mo_message& message, std:
         return {};
     }
     ++s.counts.messages;
-    s.counts.last_session_at = std::chrono::time_point_cast<std::chrono::milliseconds>(message.session_time);
+    auto session_at = std::chrono::time_point_cast<std::chrono::milliseconds>(message.session_time);
+    if (is_beacons(message)) s.counts.beacon_session_at = session_at;
+    else s.counts.last_session_at = session_at;
     if (message.where) {
         s.counts.estimate = waypoint{message.where->latitude_deg, message.where->longitude_deg};
         s.counts.estimate_cep_km = message.where->cep_km;
@@ -164,7 +170,7 @@ ise::result<void> iridium_proxy::accept(const iridium::mo_message& message, std:
         log().warning("a session of the boat did not end well",
                       {{"momsn", std::to_string(message.momsn)},
                        {"status", std::string(iridium::explain_session_status(message.session_status))}});
-    if (message.mtmsn != 0) s.commands.tracker().on_delivered(s.commands.now());
+    if (message.mtmsn != 0 && !is_beacons(message)) s.commands.tracker().on_delivered(s.commands.now());
     take_acknowledgements(message);
     s.commands.work();
     s.hand_on_soon.arm(now());

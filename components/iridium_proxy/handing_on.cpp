@@ -4,6 +4,8 @@
 
 #include <components/iridium/bundle.hpp>
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 namespace atirma {
@@ -15,6 +17,7 @@ constexpr ise::duration mark_pause = 1s;
 
 /// Not before a subscriber comes, as telemetry: a telecommand is decided by it.
 void iridium_proxy::take_acknowledgements(const iridium::mo_message& message) {
+    if (is_beacons(message)) return; // the second controller executes none
     auto packets = iridium::unbundle(message.data);
     if (!packets) return; // hand_on() says so
     for (auto& came : *packets) {
@@ -81,6 +84,20 @@ ise::task<> iridium_proxy::keep_messages() {
     }
 }
 
+/// The second controller's packets are not sealed: that they came from its modem is the gateway's word. So they may be
+/// nothing but a position and its cause, under their own boot, which no packet of the main controller has.
+ise::result<telemetry_message> iridium_proxy::telemetry_of(const iridium::mo_message& from,
+                                                           const ise::bytes& raw) const {
+    auto parsed = parse_telemetry(raw);
+    if (!parsed) return parsed;
+    bool beacon = is_beacons(from);
+    bool may_be = std::holds_alternative<location>(parsed->body) || std::holds_alternative<notice>(parsed->body);
+    if (beacon == (parsed->header.boot == beacon_boot) && (!beacon || may_be)) return parsed;
+    return ise::failure(ise::errc::malformed,
+                        fmt::format("{} of boot {} from the modem of the {} controller", name_of(parsed->body),
+                                    parsed->header.boot, beacon ? "second" : "main"));
+}
+
 /// Publishes what was not published before; gives all packets of the message.
 std::vector<telemetry_packet> iridium_proxy::hand_on(const iridium::mo_message& message, utc_time received_at) {
     auto& s = *state_;
@@ -97,7 +114,7 @@ std::vector<telemetry_packet> iridium_proxy::hand_on(const iridium::mo_message& 
         return all;
     }
     for (auto& came : *packets) {
-        auto plain = read_sealed(std::move(came));
+        auto plain = is_beacons(message) ? ise::result<ise::bytes>(std::move(came)) : read_sealed(std::move(came));
         if (!plain) {
             dropped(plain.error().message());
             continue;
@@ -105,7 +122,7 @@ std::vector<telemetry_packet> iridium_proxy::hand_on(const iridium::mo_message& 
         if (plain->empty()) continue; // about the seal
         auto& raw = *plain;
         if (classify(raw) == packet_class::acknowledgement) continue; // was taken when it came
-        auto parsed = parse_telemetry(raw);
+        auto parsed = telemetry_of(message, raw);
         if (!parsed) {
             dropped(parsed.error().message());
             continue;

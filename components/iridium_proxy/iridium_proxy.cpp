@@ -44,6 +44,12 @@ std::optional<ise::endpoint> iridium_proxy::directip_at() const {
 
 void iridium_proxy::check_options() const {
     if (auto good = iridium::check_imei(options_.imei); !good) throw wrong("--imei: " + good.error().message());
+    if (!options_.beacon_imei.empty()) {
+        if (auto good = iridium::check_imei(options_.beacon_imei); !good)
+            throw wrong("--beacon-imei: " + good.error().message());
+        if (options_.beacon_imei == options_.imei)
+            throw wrong("--beacon-imei is that of --imei: the second controller needs a modem of its own");
+    }
     if (options_.webhook.empty() && options_.directip.empty() && !options_.open_mailbox)
         throw wrong("nothing can come from the boat: give --webhook, --directip or a mailbox");
     if (options_.webhook_path.empty() || options_.webhook_path[0] != '/')
@@ -208,10 +214,11 @@ iridium_account iridium_proxy::account() {
     fill(s.store.spent_on(at), outcome.today);
     fill(s.store.spent_in_month_of(at), outcome.this_month);
     fill(s.store.spent_ever(), outcome.ever);
-    if (options_.daily_budget > 0) {
-        outcome.daily_budget = options_.daily_budget;
-        outcome.budget_left = options_.daily_budget - std::min(options_.daily_budget, outcome.today.mt_credits);
-    }
+    auto left = budget();
+    outcome.daily_budget = left.daily;
+    outcome.budget_left = left.daily_left;
+    outcome.monthly_budget = left.monthly;
+    outcome.monthly_budget_left = left.monthly_left;
     for (const auto* entry : s.commands.tracker().open()) {
         iridium_queued one;
         one.id = entry->id;

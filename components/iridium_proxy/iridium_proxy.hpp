@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/link_budget.hpp>
 #include <components/boat/telecommand_tracker.hpp>
 #include <components/boat/telemetry_store.hpp>
 #include <components/iridium/directip_exchange.hpp>
@@ -19,6 +20,7 @@ namespace atirma {
 
 struct iridium_proxy_options {
     std::string imei;                    ///< of the boat's modem, 15 digits: others are refused
+    std::string beacon_imei;             ///< of the second controller's own modem; empty: it has none
     std::string database = "iridium.db"; ///< what must survive; "memory:NAME" in tests
 
     /// Keeps telemetry before a message counts as handed on; nothing: it is published once somebody subscribes.
@@ -57,6 +59,7 @@ struct iridium_proxy_options {
     bool radio_secondary = false; ///< its counters are those of the secondary lane
 
     std::uint64_t daily_budget = 100; ///< credits a day (UTC) for telecommands; 0: unlimited
+    std::uint64_t monthly_budget = 0; ///< the same for a month
     std::uint32_t bytes_per_credit = 50;
     ise::duration account_period = std::chrono::seconds(5);
     std::chrono::days keep{30}; ///< messages and decided telecommands
@@ -92,10 +95,13 @@ private:
     ise::task<> read_mails();
     ise::result<void> on_mail(const mail_message& mail);
     ise::result<void> accept(const iridium::mo_message& message, std::string_view path);
+    bool is_ours(std::string_view imei) const;
+    bool is_beacons(const iridium::mo_message& message) const { return message.imei == options_.beacon_imei; }
     void take_acknowledgements(const iridium::mo_message& message);
     void take_kept_acknowledgements();
     ise::result<ise::bytes> opened(ise::bytes raw);
     ise::result<ise::bytes> read_sealed(ise::bytes raw) const;
+    ise::result<telemetry_message> telemetry_of(const iridium::mo_message& from, const ise::bytes& raw) const;
     ise::result<ise::bytes> sealed(const ise::bytes& raw);
     void hand_on();
     ise::task<> keep_messages();
@@ -104,7 +110,7 @@ private:
 
     // To the boat.
     ise::task<> send_all();
-    std::optional<std::uint64_t> budget_left();
+    link_budget budget();
     ise::result<void> keep_on_disk(const tracked_telecommand& entry);
 
     iridium_account account();

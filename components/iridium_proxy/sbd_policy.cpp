@@ -22,15 +22,14 @@ std::uint64_t credits_of(std::size_t bytes, std::uint32_t bytes_per_credit) noex
 }
 
 std::optional<telecommand_tracker::due> next_within_budget(telecommand_tracker& of, utc_time now,
-                                                           std::optional<std::uint64_t> credits_left,
-                                                           std::uint32_t bytes_per_credit) {
+                                                           const link_budget& budget, std::uint32_t bytes_per_credit) {
     auto at = civil_tracker_time(now);
     const auto* first = of.first_due(at);
     if (!first) return std::nullopt;
     auto bytes = of.encoded(*first, at).size();
-    if (!credits_left || credits_of(bytes, bytes_per_credit) <= *credits_left) return of.next_due(at);
-    auto midnight = std::chrono::floor<std::chrono::days>(now) + std::chrono::days(1);
-    of.hold(at, civil_tracker_time(midnight).now, "today's budget is spent: it goes on at 00:00 UTC");
+    auto end = end_of_budget(budget, credits_of(bytes, bytes_per_credit), now);
+    if (!end) return of.next_due(at);
+    of.hold(at, civil_tracker_time(end->until).now, end->text);
     return std::nullopt;
 }
 

@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/link_budget.hpp>
 #include <components/boat/telecommand_tracker.hpp>
 
 namespace atirma {
@@ -10,10 +11,9 @@ link_policy sbd_policy();
 /// What one message costs.
 std::uint64_t credits_of(std::size_t bytes, std::uint32_t bytes_per_credit) noexcept;
 
-/// What is to be given to the gateway now. Nothing where today's budget does not reach for it: it waits for midnight
-/// (UTC) then, and those behind it, too.
+/// What is to be given to the gateway now. Nothing if the budget, in credits, does not suffice: it waits for the
+/// next day or month (UTC) then, and those behind it, too.
 std::optional<telecommand_tracker::due> next_within_budget(telecommand_tracker& of, utc_time now,
-                                                           std::optional<std::uint64_t> credits_left,
-                                                           std::uint32_t bytes_per_credit);
+                                                           const link_budget& budget, std::uint32_t bytes_per_credit);
 
 } // namespace atirma

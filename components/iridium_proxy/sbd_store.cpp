@@ -24,7 +24,7 @@ constexpr std::array<std::string_view, 4> schema{
     " expires_at INTEGER NOT NULL, changed_at INTEGER NOT NULL, next_try INTEGER NOT NULL);\n"
     "CREATE TABLE spending(day TEXT NOT NULL, to_boat INTEGER NOT NULL, messages INTEGER NOT NULL, bytes INTEGER NOT "
     "NULL, credits INTEGER NOT NULL,"
-    " PRIMARY KEY(day, to_boat))",
+    " PRIMARY KEY(day, to_boat))", // spending_book::table
     "ALTER TABLE mt ADD COLUMN authority INTEGER NOT NULL DEFAULT 0",
     "ALTER TABLE mt ADD COLUMN boat_obeys INTEGER;\n"
     "CREATE TABLE clock(one INTEGER PRIMARY KEY CHECK(one = 1), ahead INTEGER NOT NULL)",
@@ -38,12 +38,6 @@ database_value optional_real(const std::optional<double>& value) {
 }
 
 } // namespace
-
-std::string day_text(utc_time at) {
-    std::chrono::year_month_day date(std::chrono::floor<std::chrono::days>(at));
-    return fmt::format("{:04}-{:02}-{:02}", static_cast<int>(date.year()), static_cast<unsigned>(date.month()),
-                       static_cast<unsigned>(date.day()));
-}
 
 ise::result<sbd_store> sbd_store::open(const std::string& file, when_damaged how) {
     auto opened = database::open(file, schema, when_damaged::keeping_readable(std::move(how)));
@@ -191,36 +185,24 @@ ise::result<void> sbd_store::refund(utc_time charged_at, std::size_t bytes, std:
 
 ise::result<void> sbd_store::charge(utc_time at, bool to_boat, std::int64_t messages, std::int64_t bytes,
                                     std::int64_t credits) {
-    auto done = db_.execute("INSERT INTO spending(day, to_boat, messages, bytes, credits) VALUES(?, ?, ?, ?, ?) ON "
-                            "CONFLICT(day, to_boat) DO UPDATE"
-                            " SET messages = messages + excluded.messages, bytes = bytes + excluded.bytes, credits = "
-                            "credits + excluded.credits",
-                            {day_text(at), std::int64_t{to_boat}, messages, bytes, credits});
-    if (!done) return done.error();
-    return {};
+    return spending_book(db_).charge(day_text(at), to_boat, {messages, bytes, credits});
 }
 
-ise::result<iridium_spending> sbd_store::spent(std::string_view like) {
-    auto rows = db_.query(
-        "SELECT to_boat, sum(messages), sum(bytes), sum(credits) FROM spending WHERE day LIKE ? GROUP BY to_boat",
-        {std::string(like)});
-    if (!rows) return rows.error();
+ise::result<iridium_spending> sbd_store::spent(const std::string& days) {
+    auto sums = spending_book(db_).spent(days);
+    if (!sums) return sums.error();
+    auto number = [](std::int64_t of) { return static_cast<std::uint64_t>(of); };
     iridium_spending out;
-    for (const auto& row : *rows) {
-        auto at = [&](std::size_t column) {
-            return static_cast<std::uint64_t>(std::max<std::int64_t>(0, row.integer(column)));
-        };
-        if (row.integer(0) != 0) out.mt_messages = at(1), out.mt_bytes = at(2), out.mt_credits = at(3);
-        else out.mo_messages = at(1), out.mo_bytes = at(2), out.mo_credits = at(3);
-    }
+    out.mo_messages = number(sums->from_boat.messages), out.mo_bytes = number(sums->from_boat.bytes);
+    out.mo_credits = number(sums->from_boat.credits);
+    out.mt_messages = number(sums->to_boat.messages), out.mt_bytes = number(sums->to_boat.bytes);
+    out.mt_credits = number(sums->to_boat.credits);
     return out;
 }
 
 ise::result<iridium_spending> sbd_store::spent_on(utc_time day) { return spent(day_text(day)); }
-ise::result<iridium_spending> sbd_store::spent_in_month_of(utc_time day) {
-    return spent(day_text(day).substr(0, 8) + "%");
-}
-ise::result<iridium_spending> sbd_store::spent_ever() { return spent("%"); }
+ise::result<iridium_spending> sbd_store::spent_in_month_of(utc_time day) { return spent(month_text(day)); }
+ise::result<iridium_spending> sbd_store::spent_ever() { return spent(""); }
 
 ise::result<void> sbd_store::forget_before(utc_time then) {
     auto messages = db_.execute("DELETE FROM mo WHERE published = 1 AND received_at < ?", {number(then)});

@@ -1,8 +1,9 @@
 #pragma once
+#include <components/boat/link_budget.hpp>
 #include <components/boat/telecommand_tracker.hpp>
 #include <components/iridium/message.hpp>
 #include <components/iridium_proxy/services.hpp>
-#include <components/storage/database.hpp>
+#include <components/storage/spending_book.hpp>
 
 namespace atirma {
 
@@ -48,12 +49,9 @@ private:
     explicit sbd_store(database db) : db_(std::move(db)) {}
     ise::result<void> charge(utc_time at, bool to_boat, std::int64_t messages, std::int64_t bytes,
                              std::int64_t credits);
-    ise::result<iridium_spending> spent(std::string_view like);
+    ise::result<iridium_spending> spent(const std::string& days);
 
     database db_;
 };
-
-/// "2026-11-21", UTC.
-std::string day_text(utc_time at);
 
 } // namespace atirma

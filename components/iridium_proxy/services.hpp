@@ -52,6 +52,9 @@ struct iridium_account {
     std::uint64_t refused = 0;                ///< posts and connections: wrong token, IMEI, content
     std::uint64_t waiting_for_subscriber = 0; ///< messages on disk that nobody was there to take
     link_seal seal;
+    std::optional<std::uint64_t> monthly_budget; ///< credits for telecommands; missing: unlimited
+    std::optional<std::uint64_t> monthly_budget_left;
+    std::optional<utc_time> beacon_session_at; ///< the last session of the second controller's modem
 };
 
 namespace services {

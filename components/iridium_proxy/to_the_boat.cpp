@@ -12,14 +12,20 @@ using namespace std::chrono_literals;
 constexpr ise::duration disk_pause = 5s;
 } // namespace
 
-std::optional<std::uint64_t> iridium_proxy::budget_left() {
-    if (options_.daily_budget == 0) return std::nullopt;
-    auto spent = state_->store.spent_on(clock());
-    if (!spent) {
-        disk_trouble(spent.error());
-        return 0; // what was spent is not known
-    }
-    return options_.daily_budget - std::min(options_.daily_budget, spent->mt_credits);
+/// Where what was spent is not known, nothing is left.
+link_budget iridium_proxy::budget() {
+    auto& s = *state_;
+    auto spent = [&](std::uint64_t limit, auto of) -> std::uint64_t {
+        if (limit == 0) return 0;
+        auto sum = of();
+        if (sum) return sum->mt_credits;
+        disk_trouble(sum.error());
+        return limit;
+    };
+    auto at = clock();
+    return budget_after(options_.daily_budget, spent(options_.daily_budget, [&] { return s.store.spent_on(at); }),
+                        options_.monthly_budget,
+                        spent(options_.monthly_budget, [&] { return s.store.spent_in_month_of(at); }));
 }
 
 /// Gives one message after the other to the gateway.
@@ -32,7 +38,7 @@ ise::task<> iridium_proxy::send_all() {
     auto& tracker = s.commands.tracker();
     for (;;) {
         auto at = clock();
-        auto due = next_within_budget(tracker, queue_clock(), budget_left(), options_.bytes_per_credit);
+        auto due = next_within_budget(tracker, queue_clock(), budget(), options_.bytes_per_credit);
         s.commands.work();
         if (!due) {
             co_await s.wake_sender.wait(); // throws when it is cancelled

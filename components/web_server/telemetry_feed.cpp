@@ -72,9 +72,10 @@ std::vector<ise::sse_event> telemetry_feed::show(const telemetry_packet& packet,
     report_origin from;
     from.measured_at = packet.measured_at;
     from.received_at = packet.received_at == utc_time() ? now : packet.received_at; // a proxy that does not say when
-    from.source = name_of(packet.link);
+    bool beacon = packet.boot == beacon_boot;
+    from.source = beacon ? "beacon" : name_of(packet.link);
     from.history = packet.history;
-    if (packet.boot != boot_) {
+    if (!beacon && packet.boot != boot_) {
         boot_ = packet.boot;
         parts_.clear();
     }
@@ -83,13 +84,13 @@ std::vector<ise::sse_event> telemetry_feed::show(const telemetry_packet& packet,
     };
     const auto& body = message.body;
     if (const auto* l = std::get_if<location>(&body)) {
-        if (!packet.history) state_.on_report(packet.link, plausible_time(packet));
+        if (!packet.history && !beacon) state_.on_report(packet.link, plausible_time(packet));
         if (has_fix(*l)) add(state_.apply(page_view(from, *l), now));
     } else if (const auto* n = std::get_if<navigation>(&body)) {
         add(state_.apply(page_view(from, *n), now));
         mode_update mode;
         mode.from = from;
-        mode.mode = name_of(n->mode);
+        mode.mode = n->remote_control ? "remote_control" : name_of(n->mode);
         add(state_.apply(mode, now));
     } else if (const auto* w = std::get_if<wind>(&body)) {
         add(state_.apply(page_view(from, *w), now));

@@ -14,7 +14,7 @@ using utc_ms = std::chrono::sys_time<std::chrono::milliseconds>;
 struct report_origin {
     utc_ms measured_at;   ///< by the boat
     utc_ms received_at;   ///< by the shore
-    std::string source;   ///< the link it came by: "xbee", "gprs", "iridium"
+    std::string source;   ///< the link it came by: "xbee", "gprs", "iridium"; "beacon": from the second controller
     bool history = false; ///< sent again after a gap: fills the track
 };
 
@@ -69,7 +69,7 @@ struct waypoints_update {
 
 struct mode_update {
     report_origin from;
-    std::string mode; ///< "auto", "hold", "manual"…
+    std::string mode; ///< "auto", "hold", "manual"…; "remote_control" while that has rudder and sail
 };
 
 /// How well the boat hears the shore.

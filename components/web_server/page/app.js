@@ -252,6 +252,11 @@ function banner(server, boat, now) {
     kind = 'boat';
     title = t('no_position_title');
     text = receiver || t('no_position_text');
+  } else if (s.position?.source === 'beacon') {
+    pill = t('beacon_short');
+    kind = 'boat';
+    title = t('beacon_title');
+    text = t('beacon_text', { moment: u.moment(last, now), time: u.duration(now - last) });
   } else if (boat === 'stale') {
     pill = t('no_current_data');
     kind = 'boat';

@@ -9,7 +9,8 @@ using enum authority_action;
 namespace {
 
 struct crewed : shore {
-    explicit crewed(std::uint64_t seed = 1) : shore(seed) {
+    explicit crewed(std::uint64_t seed = 1, bool raw_telecommands = false) : shore(seed) {
+        terms.raw_telecommands = raw_telecommands;
         start_node(one);
         start_node(two);
         REQUIRE(
@@ -134,6 +135,73 @@ TEST_CASE("communication: what can lose the boat is sent only when it is confirm
     manual.confirmed = true;
     CHECK(it.command("ana", manual)->result == ack_code::done);
     CHECK(it.boat.boat.pilot().mode() == sailing_mode::manual);
+}
+
+TEST_CASE("communication: the newest fix says that the second controller sent it, and its link is no way to the boat") {
+    crewed it;
+    REQUIRE(it.until([&] { return it.state(one).fix.has_value(); }, 10s));
+    CHECK_FALSE(it.state(one).fix->beacon);
+    auto now = std::chrono::floor<std::chrono::milliseconds>(it.world.wall_start + it.world.elapsed());
+    location where;
+    where.quality = fix_quality::gps;
+    where.latitude_deg = 28.2;
+    where.longitude_deg = -15.5;
+    telemetry_packet packet;
+    packet.link = link_id::iridium;
+    packet.boot = beacon_boot;
+    packet.sequence = 9;
+    packet.measured_at = packet.received_at = now + 1min; // newer than what the boat sends meanwhile
+    packet.received_at += 1s;
+    packet.raw = encode_telemetry({packet.boot, packet.sequence, packet.measured_at}, where);
+    keep_request keep;
+    keep.packets = {packet};
+    auto kept = it.ask("proxy", services::telemetry_store, keep);
+    REQUIRE(kept);
+    CHECK(kept->copies == 2);
+    REQUIRE(it.until([&] { return it.state(one).fix->beacon; }, 10s));
+    CHECK(it.state(one).fix->latitude_deg == Approx(28.2));
+    for (const auto& link : it.state(one).links) CHECK(link.alive == (link.link == link_id::xbee));
+}
+
+TEST_CASE("communication: raw telecommands are off, then need their service, the authority and a confirmation, and are "
+          "on record") {
+    telecommand_request raw;
+    raw.id = 4;
+    raw.command = commands::raw{"hex:0A1B"};
+    auto ask = [&](crewed& it) { return it.ask("ana", services::raw_telecommand, raw); };
+    crewed without;
+    REQUIRE(without.authority("ana", take));
+    raw.confirmed = true;
+    auto off = ask(without);
+    REQUIRE_FALSE(off);
+    CHECK_THAT(off.error().message(), Contains("raw telecommands are off at shore/one (--raw-telecommands)"));
+
+    crewed it(1, true);
+    auto wrong_service = it.command("ana", raw);
+    REQUIRE_FALSE(wrong_service);
+    CHECK_THAT(wrong_service.error().message(), Contains("goes to the service raw_telecommand"));
+    CHECK_THAT(it.ask("ana", services::raw_telecommand, of_kind(5, command_kind::ping)).error().message(),
+               Contains("ping is no raw telecommand"));
+    CHECK_THAT(ask(it).error().message(), Contains("nobody holds the authority"));
+    REQUIRE(it.authority("ana", take));
+    raw.confirmed = false;
+    CHECK_THAT(ask(it).error().message(), Contains("raw is dangerous") && Contains("confirmed true"));
+    raw.confirmed = true;
+    auto long_one = raw;
+    long_one.command = commands::raw{std::string(65, 'x')};
+    CHECK_THAT(it.ask("ana", services::raw_telecommand, long_one).error().message(), Contains("64 fit a frame"));
+    auto refused = ask(it);
+    REQUIRE(refused);
+    CHECK(refused->result == ack_code::refused);
+    CHECK(refused->text == "raw telecommands are off aboard (--raw-telecommands)");
+    auto page = it.ask("ana", services::telecommand_record, record_request());
+    REQUIRE(page);
+    REQUIRE_FALSE(page->entries.empty());
+    auto entry = std::ranges::find(page->entries, 4u, &telecommand_status::id);
+    REQUIRE(entry != page->entries.end());
+    CHECK(entry->command == raw.command);
+    CHECK(entry->asked_by == "test/ana");
+    CHECK(entry->result == ack_code::refused);
 }
 
 TEST_CASE("communication: the authority outlives the nodes, and goes on at the other one") {

@@ -163,6 +163,10 @@ TEST_CASE("console windows: each link tells what only its kind has, and what is 
     carrier.acknowledged = 1188;
     carrier.announced = 1190;
     carrier.not_safe_yet = 1;
+    carrier.today = {1'840'000, 260'000};
+    carrier.this_month = {31'000'000, 4'000'000};
+    carrier.budget = budget_after(2'000'000, 2'100'000, 50'000'000, 35'000'000);
+    carrier.budget_notice = "today's budget is spent: it goes on at 00:00 UTC";
     it.state.on_gprs(gprs_path, carrier, it.now);
     it.state.on_link(iridium_path, true, "", t0);
     iridium_account account;
@@ -184,6 +188,11 @@ TEST_CASE("console windows: each link tells what only its kind has, and what is 
     CHECK(words("iridium_session") == "7 s ago");
     CHECK(words("iridium_today") == "207 + 4");
     CHECK(words("iridium_budget").contains("46 of 50"));
+    CHECK(words("gprs_today") == "1.8 MB + 260.0 kB");
+    CHECK(words("gprs_budget").contains(">0 B of 2.0 MB</span> today"));
+    CHECK(words("gprs_budget").contains(">15.0 MB of 50.0 MB</span> this month"));
+    CHECK(find(it.state.view(it.now)->alarms, "budget:" + gprs_path)->text ==
+          "GPRS: today's budget is spent: it goes on at 00:00 UTC");
     CHECK(words("iridium_queue") == "set mode: at the gateway, until the boat's next session");
     it.picture("links-all");
     carrier.connected = false;

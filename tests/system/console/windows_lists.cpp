@@ -54,6 +54,62 @@ TEST_CASE("console windows: an alarm is shown until it is acknowledged") {
     CHECK(it.find<QTableWidget>("alarm_table").item(0, 2)->text() == "acknowledged");
 }
 
+TEST_CASE("console windows: the remote control is in the head, among the alarms, and in a refused command's words") {
+    desk it;
+    navigation n;
+    n.mode = sailing_mode::automatic;
+    n.remote_control = true;
+    n.waypoint_count = 3;
+    it.now += 2s;
+    it.hear(n);
+    it.state.asked(81, xbee_path, commands::tack_now(), it.now);
+    auto no = status(81, telecommand_stage::acknowledged, ack_code::refused,
+                     "the remote control has the helm until it is released");
+    no.kind = command_kind::tack_now;
+    it.state.on_status(xbee_path, no, it.now);
+    it.show();
+    it.picture("remote_control");
+    CHECK(it.find<QLabel>("mode").text() == "Remote control");
+    CHECK(it.find<QLabel>("mode").toolTip().contains("then its mode is Auto"));
+    CHECK(it.find<QLabel>("alarm_text").text().contains("The remote control has the helm"));
+    CHECK(it.find<QLabel>("last_command").text().contains("refused"));
+    n.remote_control = false;
+    it.now += 2s;
+    it.hear(n);
+    it.show();
+    CHECK(it.find<QLabel>("mode").text() == "Auto");
+}
+
+TEST_CASE("console windows: a position of the second controller is in the head and a critical alarm with its cause") {
+    desk it;
+    it.now += 70s;
+    talker second;
+    second.boot = beacon_boot;
+    it.state.on_telemetry(
+        iridium_path, second.say(notice{"beacon: main power lost; own battery 97 %"}, it.now - 6s, link_id::iridium),
+        it.now - 1s);
+    it.state.on_telemetry(iridium_path, second.say(at(28.155, -15.452), it.now - 5s, link_id::iridium), it.now - 1s);
+    it.show();
+    it.window->show_tab("alarms");
+    it.show();
+    it.picture("beacon");
+    CHECK(it.find<QLabel>("status").text().contains("BEACON · 5 s"));
+    CHECK(it.find<QLabel>("mode").text() == "mode not known");
+    auto alarms = it.state.view(it.now)->alarms;
+    auto* alarm = find(alarms, "second_controller");
+    REQUIRE(alarm);
+    CHECK(alarm->how == severity::critical);
+    CHECK(alarm->text.find("is the second controller's (beacon: main power lost; own battery 97 %)") !=
+          std::string::npos);
+    CHECK_FALSE(find(alarms, "boot"));
+    it.now += 2s;
+    it.hear(at(28.155, -15.452));
+    it.show();
+    CHECK_FALSE(it.find<QLabel>("status").text().contains("BEACON"));
+    alarms = it.state.view(it.now)->alarms;
+    CHECK(find(alarms, "second_controller")->over_at);
+}
+
 TEST_CASE("console windows: a parameter shows confirmed, pending and refused values") {
     desk it;
     it.window->show_tab("boat");

@@ -12,6 +12,7 @@
 #include <QDoubleSpinBox>
 #include <QFile>
 #include <QLabel>
+#include <QLineEdit>
 #include <QMenu>
 #include <QPushButton>
 #include <QStatusBar>
@@ -86,6 +87,37 @@ TEST_CASE("console windows: every telecommand is in the menu, and its arguments 
     });
     entry_of(command_kind::waypoint_insert)->trigger();
     CHECK(it.last<give_command>()->command == boat_command(commands::waypoint_insert{2, {28.16, -15.45}}));
+}
+
+TEST_CASE("console windows: a raw telecommand takes text or hexadecimal, says what is wrong, and must be confirmed") {
+    desk it;
+    auto* entry = it.window->findChild<QAction*>("telecommand_raw");
+    REQUIRE(entry);
+    auto dialog_with = [&](const QString& payload, bool good) {
+        QTimer::singleShot(0, it.window.get(), [&it, payload, good] {
+            auto* dialog = qobject_cast<telecommand_dialog*>(QApplication::activeModalWidget());
+            REQUIRE(dialog);
+            auto* send = dialog->findChild<QPushButton*>("telecommand_accept");
+            auto* trouble = dialog->findChild<QLabel*>("telecommand_trouble");
+            CHECK_FALSE(send->isEnabled()); // it is empty
+            dialog->findChild<QLineEdit*>("argument_payload")->setText(payload);
+            CHECK(send->isEnabled() == good);
+            if (!good) CHECK(trouble->text() == "payload: 'G' is no hexadecimal digit");
+            if (const char* to = std::getenv("CONSOLE_PICTURES"); to && good)
+                dialog->grab().save(QString(to) + "/raw_telecommand.png");
+            if (!good) return dialog->reject();
+            it.answer_next({}); // Enter sends nothing
+            dialog->accept();
+        });
+        entry->trigger();
+    };
+    auto before = it.actions.size();
+    dialog_with("hex:0G", false);
+    CHECK(it.actions.size() == before);
+    dialog_with("hex:0A 1B", true);
+    CHECK(it.actions.size() == before);
+    CHECK(it.asked.contains("Tell the boat: raw hex:0A 1B?"));
+    CHECK(it.asked.contains("neither shore nor boat checks what they do"));
 }
 
 TEST_CASE("console windows: palette, units, limits, chart, list and acknowledged alarms are kept over a start") {

@@ -135,7 +135,7 @@ TEST_CASE("kill -9 of any process of the demo heals as its policy says") {
     in.start_name_server();
     in.done({"--wait", "--timeout", "60s", "describe", "--names", "atirma/page"});
     in.hears_the_boat();
-    wait_until([&] { return in.ise({"ps"}).exit_code == 0 && in.json_of({"ps"}).size() == 11; });
+    wait_until([&] { return in.ise({"ps"}).exit_code == 0 && in.json_of({"ps"}).size() == 12; });
     CHECK_THAT(in.up(file), Contains("nothing to do"));
     CHECK(in.pid("atirma/boat") == boat);
 

@@ -1,5 +1,7 @@
 #include "ocean.hpp"
 
+#include <components/boat_simulator/services.hpp>
+
 #include <support/catch.hpp>
 
 #include <cstdlib>
@@ -50,16 +52,40 @@ ocean::ocean(std::uint64_t seed) : world(seed) {
     proxy_options.rockblock.password = "atirma";
 }
 
-void ocean::start() {
-    world.host("sky").start_process("modem", [this](ise::sim::process& here) -> std::shared_ptr<void> {
-        auto options = modem_options;
-        options.open = [this, &here](ise::loop& on) {
-            return world.serial_line("ttyS2", world.host("boat")).open_far_end(here, on);
+void ocean::with_beacon() {
+    beacon_options = modem_options;
+    beacon_options->imei = "300234010753371";
+    gateway_options.model.imeis.insert(beacon_options->imei);
+    proxy_options.beacon_imei = beacon_options->imei;
+    boat_options.beacon.device = "/dev/ttyS3";
+    boat_options.beacon_period_s = 60; // of the model
+}
+
+atirma::scene ocean::set_scene(atirma::scene_request request) {
+    std::optional<atirma::scene> scene;
+    user([request, &scene](ise::component& self) -> ise::task<> {
+        auto boat = boat_of(self);
+        scene = co_await boat.call(atirma::services::scene_control, request, 5s);
+    });
+    REQUIRE(until([&] { return scene.has_value(); }));
+    return *scene;
+}
+
+void ocean::start_modem(const std::string& port, std::uint16_t at, atirma::iridium_modem_options options) {
+    world.host("sky").start_process("modem " + port, [=, this](ise::sim::process& here) -> std::shared_ptr<void> {
+        auto wired = options;
+        wired.open = [this, &here, port](ise::loop& on) {
+            return world.serial_line(port, world.host("boat")).open_far_end(here, on);
         };
         auto node = std::make_shared<ise::node>(here, quiet());
-        node->start<atirma::iridium_modem>("atirma/iridium/modem", listening(7422), std::move(options));
+        node->start<atirma::iridium_modem>("atirma/iridium/" + port, listening(at), std::move(wired));
         return node;
     });
+}
+
+void ocean::start() {
+    start_modem("ttyS2", 7422, modem_options);
+    if (beacon_options) start_modem("ttyS3", 7423, *beacon_options);
     world.host("gateway").start_process("gateway", [this](ise::sim::process& here) -> std::shared_ptr<void> {
         auto node = std::make_shared<ise::node>(here, quiet());
         node->start<atirma::iridium_gateway>("atirma/iridium/gateway", listening(7421), gateway_options);

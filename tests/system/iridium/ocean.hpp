@@ -30,9 +30,14 @@ public:
     ise::sim::world world;
     atirma::boat_simulator_options boat_options;
     atirma::iridium_modem_options modem_options;
+    std::optional<atirma::iridium_modem_options> beacon_options; ///< of the second controller's modem; nothing: none
     atirma::iridium_gateway_options gateway_options;
     atirma::iridium_proxy_options proxy_options;
 
+    /// The boat gets a second controller with a modem of its own; before the start.
+    void with_beacon();
+    /// Changes the scene around the boat; returns it.
+    atirma::scene set_scene(atirma::scene_request request);
     /// Starts everything, with the options as they are then.
     void start();
     bool until(const std::function<bool()>& done, ise::duration within = std::chrono::minutes(30)) {
@@ -47,6 +52,7 @@ public:
     void user(std::function<ise::task<>(ise::component&)> body);
     static ise::remote proxy(ise::component& self) { return self.at(where("shore", 7411)); }
     static ise::remote gateway(ise::component& self) { return self.at(where("gateway", 7421)); }
+    static ise::remote boat_of(ise::component& self) { return self.at(where("boat", 7413)); }
     static ise::remote modem(ise::component& self) { return self.at(where("sky", 7422)); }
     static ise::endpoint where(const std::string& host, std::uint16_t port);
 
@@ -66,6 +72,7 @@ public:
     void set_sky(atirma::iridium_sky_request request);
 
 private:
+    void start_modem(const std::string& port, std::uint16_t at, atirma::iridium_modem_options options);
     static ise::node_options quiet();
     static ise::component_options listening(std::uint16_t port);
 

@@ -97,6 +97,7 @@ std::vector<recorded_telecommand> all_commands() {
         {encodable(emergency_beacon{false}), "01400000F70300007B98F73E5D010F00032E"},
         {encodable(mission_stage{4, point}), "01400000F80300007B98F73E5D01100400E0C8104036CAF68796"},
         {encodable(mission_switch{5, 0x01020304}), "01400000F90300007B98F73E5D01110504030201E841"},
+        {encodable(raw{"hex:0A1B"}), "01400000FA0300007B98F73E5D0112020A1BF578"},
     };
 }
 

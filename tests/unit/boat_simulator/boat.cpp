@@ -455,4 +455,23 @@ TEST_CASE("all legs of the courses lie in water") {
     CHECK_FALSE(find_course("T3"));
 }
 
+TEST_CASE("a raw telecommand is refused aboard unless it is switched on, and then its bytes are the controller's") {
+    auto off = sailing({});
+    simulated_boat without(off, steady(6, 40));
+    auto no = without.execute(command(1, commands::raw{"hex:0A1B"}));
+    CHECK(no.code == ack_code::refused);
+    CHECK(no.text == "raw telecommands are off aboard (--raw-telecommands)");
+    CHECK(without.last_raw().empty());
+    off.raw_telecommands = true;
+    simulated_boat boat(off, steady(6, 40));
+    auto raw = encode_telecommand(command(2, commands::raw{"hex:0A1B"}));
+    auto yes = boat.on_packet(link_id::gprs, raw).value();
+    CHECK(yes.code == ack_code::done);
+    CHECK(yes.text == "the controller has 2 bytes");
+    CHECK(boat.last_raw() == ise::bytes{std::byte{0x0A}, std::byte{0x1B}});
+    boat.set_remote_control(remote_helm{});
+    CHECK(boat.execute(command(3, commands::raw{"x"})).code == ack_code::refused);
+    CHECK(boat.execute(command(4, commands::raw{})).code == ack_code::bad_argument);
+}
+
 } // namespace boat_test

@@ -156,6 +156,42 @@ TEST_CASE(
     CHECK(state.view(t0 + 1s)->links[0].told_at == t0 + 1s);
 }
 
+TEST_CASE("console: a budget that runs low is a notice, a spent one a warning that says what it means") {
+    console_state state;
+    state.on_link(gprs_path, true, "", t0);
+    state.on_link(iridium_path, true, "", t0);
+    gprs_state gprs;
+    gprs.budget = budget_after(1000, 500, 10'000, 500);
+    state.on_gprs(gprs_path, gprs, t0);
+    iridium_account account;
+    account.daily_budget = 50;
+    account.budget_left = 6;
+    state.on_account(iridium_path, account, t0);
+    state.on_time(t0);
+    CHECK_FALSE(find(state.view(t0)->alarms, "budget:" + gprs_path));
+    CHECK_FALSE(find(state.view(t0)->alarms, "budget:" + iridium_path));
+    gprs.budget = budget_after(1000, 900, 10'000, 900);
+    state.on_gprs(gprs_path, gprs, t0);
+    account.budget_left = 0;
+    state.on_account(iridium_path, account, t0);
+    state.on_time(t0);
+    auto alarms = state.view(t0)->alarms;
+    REQUIRE(find(alarms, "budget:" + gprs_path));
+    CHECK(find(alarms, "budget:" + gprs_path)->how == severity::notice);
+    CHECK(find(alarms, "budget:" + gprs_path)->text ==
+          "GPRS: 10 % of today's budget and 91 % of this month's are left");
+    REQUIRE(find(alarms, "budget:" + iridium_path));
+    CHECK(find(alarms, "budget:" + iridium_path)->how == severity::warning);
+    CHECK(find(alarms, "budget:" + iridium_path)->text ==
+          "Iridium: today's budget is spent: it goes on at 00:00 UTC; telecommands over it wait");
+    gprs.budget = budget_after(1000, 1000, 10'000, 1000);
+    gprs.budget_notice = "today's budget is spent";
+    state.on_gprs(gprs_path, gprs, t0);
+    state.on_time(t0);
+    CHECK(find(state.view(t0)->alarms, "budget:" + gprs_path)->how == severity::warning);
+    CHECK(find(state.view(t0)->alarms, "budget:" + gprs_path)->text == "GPRS: today's budget is spent");
+}
+
 TEST_CASE("console: a link that falls silent while the other goes on calls the operator") {
     console_state state;
     talker boat;
