@@ -27,8 +27,8 @@ namespace detail {
 
 /// Everything of a call that needs no types: opens the record, which keeps `to`, fits deadline and trace to the context
 /// that the executor of whoever waits carries, and sends. `share`, where there is one, may be taken over for that. Off
-/// the component's thread nothing is touched and nothing sent: the call fails, on that executor or, where there is none,
-/// on the system's. `where`: of the `co_await`, for people.
+/// the component's thread nothing is touched and nothing sent: the call fails, on that executor or, where there is
+/// none, on the system's. `where`: of the `co_await`, for people.
 void start_call(peer_channel& to, std::shared_ptr<peer_channel>&& share, service_key service, duration deadline,
                 const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
                 outgoing_packet request, const std::source_location& where = std::source_location());
