@@ -68,21 +68,27 @@ call_service::call_service(service_runtime& runtime, std::string name, const pac
     : runtime_(runtime), name_(std::move(name)), types_(types), options_(options),
       waiting_(std::make_unique<waiting_calls>()) {}
 
+call_service::call_service(service_runtime& runtime, std::string name, const packet_types& types)
+    : call_service(runtime, std::move(name), types, {}) {
+    at_once_ = true;
+}
+
 call_service::~call_service() = default;
 
 std::size_t call_service::waiting() const noexcept { return waiting_->size(); }
 
-void call_service::serve(call_origin& from, incoming_call call, incoming_packet request) {
+void call_service::serve(call_origin& from, incoming_call& call, incoming_packet& request) {
     if (stopped_) {
         from.refuse(call.id, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
         return;
     }
-    if (is_late(call)) return refuse_late(from, call);
+    if (at_once_ && is_late(call)) return refuse_late(from, call); // a worker looks when it begins
     request.adapt = call.adapt;
     const bool measured = meter_.samples(runtime_.on().now());
     auto began = measured ? runtime_.env().now() : time_point::max();
     try {
-        if (serve_now(from, call, request)) {
+        if (at_once_) {
+            serve_now(from, call, request);
             meter_.begins();
             if (measured) meter_.handled(runtime_.env().now() - began);
             return;

@@ -87,13 +87,16 @@ struct serve_options {
 /// One provided request-response service; its typed part makes workers, or answers at once.
 class call_service : public std::enable_shared_from_this<call_service> {
 public:
+    /// Served by workers.
     call_service(service_runtime& runtime, std::string name, const packet_types& types, serve_options options);
+    /// Answers at once, by `serve_now`.
+    call_service(service_runtime& runtime, std::string name, const packet_types& types);
     virtual ~call_service();
 
     const std::string& name() const noexcept { return name_; }
     const packet_types& types() const noexcept { return types_; }
 
-    void serve(call_origin& from, incoming_call call, incoming_packet request);
+    void serve(call_origin& from, incoming_call& call, incoming_packet& request);
     /// Requests of a session that ended, or that the caller gave up.
     void withdraw(const call_origin& from, std::uint64_t id);
     void stop();
@@ -104,9 +107,10 @@ public:
     service_meter& meter() noexcept { return meter_; }
 
 protected:
-    /// Answers at once, without a coroutine: for handlers that are plain functions. False: a worker is needed.
-    virtual bool serve_now(call_origin& from, const incoming_call& call, incoming_packet& request) = 0;
-    virtual std::unique_ptr<call_worker> make_worker() = 0;
+    /// Answers without a coroutine: for handlers that are plain functions.
+    virtual void serve_now(call_origin&, const incoming_call&, incoming_packet&) {}
+    /// For handlers that are coroutines.
+    virtual std::unique_ptr<call_worker> make_worker() { return nullptr; }
     call_context context_of_call(const call_origin& from, const incoming_call& call) const;
     /// Logs what a handler threw, at a bounded rate.
     void tell_failure(const call_origin& from, const failure& why);
@@ -131,6 +135,7 @@ private:
     std::vector<call_worker*> idle_;
     std::unique_ptr<waiting_calls> waiting_;
     service_meter meter_;
+    bool at_once_ = false;
     bool stopped_ = false;
 };
 

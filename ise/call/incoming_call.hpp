@@ -34,9 +34,11 @@ protected:
 struct incoming_call {
     std::shared_ptr<call_origin> from; ///< set where it is kept for longer than it takes to receive it
     std::uint64_t id = 0;
-    time_point deadline;
+    time_point deadline{};
     trace_id trace;
     const adapter* adapt = nullptr; ///< where the caller's request differs from ours
+    std::uint64_t number = 0;       ///< outlives the session; 0: none
+    bool again = false;             ///< may have been sent before, by that number
 };
 
 } // namespace ise

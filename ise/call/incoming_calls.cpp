@@ -4,7 +4,6 @@
 #include <ise/packet/codec.hpp>
 #include <ise/packet/compatibility.hpp>
 #include <ise/wire/body.hpp>
-#include <ise/wire/request_head.hpp>
 
 #include <fmt/format.h>
 
@@ -104,10 +103,10 @@ void incoming_calls::consult(binding& of, bool note) {
 }
 
 // The first refusal was noted when the service was introduced.
-void incoming_calls::deny(binding& of, const request_head& head) {
+void incoming_calls::deny(binding& of, const incoming_call& call) {
     if (std::exchange(of.denial_noted, false) == false)
         (void)over_.objection_to_use(service_kind::request_response, of.name, true);
-    turn_away(head, *of.denied);
+    turn_away(call, *of.denied);
 }
 
 void incoming_calls::review() {
@@ -151,17 +150,17 @@ result<void> incoming_calls::on_request(const net::carried_frame& received) {
     const bool numbered = flags & wire::flag::numbered;
     if (numbered && (!over_.wire().lossy() || over_.peer().incarnation == 0))
         return malformed("with a number that makes no sense");
-    auto id = received.header.id;
-    request_head head;
-    head.id = id;
-    head.trace.trace = parsed->trace;
-    head.trace.parent = parsed->parent;
-    if (over_.wire().tells_traces()) head.trace.high = parsed->high;
-    head.number = parsed->number;
-    head.again = numbered && (flags & wire::flag::again);
+    const auto id = received.header.id;
+    incoming_call call;
+    call.id = id;
+    call.trace.trace = parsed->trace;
+    call.trace.parent = parsed->parent;
+    if (over_.wire().tells_traces()) call.trace.high = parsed->high;
+    call.number = parsed->number;
+    call.again = numbered && (flags & wire::flag::again);
     auto& runtime = over_.runtime();
     if (slot_of(id) >= runtime.options().max_calls_per_session) {
-        turn_away(head, failure(errc::overloaded,
+        turn_away(call, failure(errc::overloaded,
                                 fmt::format("more than {} calls of one session at once (max_calls_per_session)",
                                             runtime.options().max_calls_per_session)));
         return {};
@@ -170,26 +169,26 @@ result<void> incoming_calls::on_request(const net::carried_frame& received) {
         return malformed("with the number of a call that runs");
     if (auto unsent = over_.wire().out().pending_call_bytes(); unsent > runtime.options().session_bytes) {
         if (auto good = over_.takes_answers(); !good) return good;
-        turn_away(head, replies_not_taken(unsent, execution::not_executed));
+        turn_away(call, replies_not_taken(unsent, execution::not_executed));
         return {};
     }
 
-    head.deadline =
+    call.deadline =
         until ? time_point(duration(parsed->time_ns)) : saturating_add(over_.on().now(), duration(parsed->time_ns));
     auto& of = *bindings_[parsed->service];
+    incoming_packet request(packet, received.object);
     if (of.denied) {
-        deny(of, head);
+        deny(of, call);
     } else if (of.now == state::refused) {
-        turn_away(head, of.why);
+        turn_away(call, of.why);
     } else if (of.now == state::comparing) {
-        incoming_packet request(packet, received.object);
-        if (!of.held.hold(head, request))
-            turn_away(head,
+        if (!of.held.hold(call, request))
+            turn_away(call,
                       failure(errc::overloaded,
                               fmt::format("{} requests wait for the schemas of '{}' (held_requests, session_bytes)",
                                           of.held.size(), of.name)));
     } else {
-        serve(of, head, incoming_packet(packet, received.object));
+        serve(of, call, request);
     }
     return {};
 }
@@ -228,10 +227,10 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
             over_.runtime().tell(peer_trouble::mismatch, problem->message(), over_.caller_name());
             of.why = std::move(*problem);
         }
-        of.held.release([&](const request_head& head, incoming_packet request) {
-            if (of.denied) deny(of, head);
-            else if (of.now == state::ready) serve(of, head, std::move(request));
-            else turn_away(head, of.why);
+        of.held.release([&](incoming_call& call, incoming_packet request) {
+            if (of.denied) deny(of, call);
+            else if (of.now == state::ready) serve(of, call, request);
+            else turn_away(call, of.why);
         });
     };
     auto result = [this, number, decide](const std::vector<schema>& theirs) {
@@ -253,37 +252,33 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
 }
 
 // Before it is looked up what became of it, if it may have come before.
-void incoming_calls::turn_away(const request_head& head, failure why) {
+void incoming_calls::turn_away(const incoming_call& call, failure why) {
     over_.runtime().counts().refused(why.code());
-    refuse(head.id, head.again ? failure(why.code(), why.message(), execution::unknown) : why);
+    refuse(call.id, call.again ? failure(why.code(), why.message(), execution::unknown) : why);
 }
 
-void incoming_calls::serve(binding& of, const request_head& head, incoming_packet request) {
+void incoming_calls::serve(binding& of, incoming_call& call, incoming_packet& request) {
     auto& runtime = over_.runtime();
-    if (head.deadline <= runtime.on().now()) {
+    if (call.deadline <= runtime.on().now()) {
         of.service->meter().refused_expired();
         of.service->meter().failed(errc::timed_out);
-        turn_away(head,
+        turn_away(call,
                   failure(errc::timed_out,
                           fmt::format("'{}' was asked too late: the deadline had passed before the request was read",
                                       of.name)));
         return;
     }
-    auto slot = slot_of(head.id);
+    auto slot = slot_of(call.id);
     if (slot >= running_.size()) running_.resize(slot + 1);
-    running_[slot] = {&of, head.id, head.number};
+    running_[slot] = {&of, call.id, call.number};
     ++running_count_;
-    if (head.number != 0 && seen_before(of, head)) return;
+    if (call.number != 0 && seen_before(of, call)) return;
     if (of.audited) over_.note_use(service_kind::request_response, of.name);
-    incoming_call call;
-    call.id = head.id;
-    call.deadline = head.deadline;
-    call.trace = head.trace;
     call.adapt = of.request.get();
     ++runtime.counts().calls_served;
     if (observed()) [[unlikely]]
         observe(running_[slot], call, request);
-    of.service->serve(*this, std::move(call), std::move(request));
+    of.service->serve(*this, call, request);
 }
 
 void incoming_calls::observe(running_call& which, incoming_call& call, incoming_packet& request) {
@@ -312,23 +307,23 @@ void incoming_calls::observe_end(std::uint64_t id, errc outcome, std::string_vie
 
 // A call that the client makes again after its session was lost: it runs once, and its answer goes to where it asked
 // last.
-bool incoming_calls::seen_before(binding& of, const request_head& head) {
+bool incoming_calls::seen_before(binding& of, const incoming_call& call) {
     auto& window = replies();
-    switch (window.look(head.number, head.again)) {
+    switch (window.look(call.number, call.again)) {
         case reply_cache::state::fresh:
-            window.begin(head.number, here(head.id), head.deadline, over_.on().now());
+            window.begin(call.number, here(call.id), call.deadline, over_.on().now());
             return false;
         case reply_cache::state::running:
-            window.redirect(head.number, here(head.id));
-            running_[slot_of(head.id)].elsewhere = true;
+            window.redirect(call.number, here(call.id));
+            running_[slot_of(call.id)].elsewhere = true;
             return true;
-        case reply_cache::state::answered: send_answer(head.id, *window.answer(head.number)); return true;
+        case reply_cache::state::answered: send_answer(call.id, *window.answer(call.number)); return true;
         case reply_cache::state::forgotten: break;
     }
-    forget(head.id); // it is answered here only
+    forget(call.id); // it is answered here only
     over_.runtime().counts().refused(errc::peer_lost);
     refuse(
-        head.id,
+        call.id,
         failure(errc::peer_lost,
                 fmt::format(
                     "'{}' may have been executed before the session was lost; it was not resent within its linger, or "
@@ -358,7 +353,7 @@ void incoming_calls::on_cancel(std::uint64_t id) {
         return;
     }
     if (held_.packets == 0) return;
-    for (auto& of : bindings_) of->held.drop([&](const request_head& head) { return head.id == id; });
+    for (auto& of : bindings_) of->held.drop([&](const incoming_call& call) { return call.id == id; });
 }
 
 incoming_calls::running_call* incoming_calls::find(std::uint64_t id) noexcept {
@@ -447,7 +442,7 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
         refuse(id, replies_not_taken(unsent, execution::unknown));
         return;
     }
-    buffer& out = number == 0 ? wire.out().begin_call() : over_.on().common<answer_room>().cleared();
+    buffer& out = number == 0 ? wire.out().calls() : over_.on().common<answer_room>().cleared();
     std::size_t start = out.size();
     passed_object object;
     std::optional<failure> problem;
@@ -482,7 +477,7 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
         return;
     }
     of.service->meter().answered();
-    wire.out().end_call(std::move(object));
+    wire.out().end_call(start, std::move(object));
     wire.written();
 }
 
@@ -505,11 +500,11 @@ void incoming_calls::send_answer(std::uint64_t id, bytes_view frame) {
         refuse(id, replies_not_taken(unsent, execution::unknown));
         return;
     }
-    buffer& out = wire.out().begin_call();
+    buffer& out = wire.out().calls();
     std::size_t start = out.size();
     out.append(frame);
     detail::store_little(out.data() + start + 8, id);
-    wire.out().end_call();
+    wire.out().end_call(start);
     wire.written();
 }
 
@@ -527,13 +522,14 @@ void incoming_calls::refuse(std::uint64_t id, const failure& why) {
     result.reason = why.message();
     auto& wire = over_.wire();
     buffer kept;
-    buffer& out = number == 0 ? wire.out().begin_call() : kept;
+    buffer& out = number == 0 ? wire.out().calls() : kept;
+    const std::size_t start = out.size();
     wire::put_frame(out, wire::frame_type::error, 0, id, [&](buffer& body) { encode(result, body); });
     if (number != 0) {
         answer_numbered(number, kept.view());
         return;
     }
-    wire.out().end_call();
+    wire.out().end_call(start);
     wire.written();
 }
 

@@ -49,13 +49,6 @@ public:
 
 private:
     enum class state : std::uint8_t { ready, comparing, refused };
-    struct request_head {
-        std::uint64_t id = 0;
-        time_point deadline{};
-        trace_id trace;
-        std::uint64_t number = 0; // outlives the session; 0: none
-        bool again = false;       // may have been sent before
-    };
     struct binding {
         explicit binding(held_budget& room) : held(limit::held_requests, room) {}
 
@@ -68,7 +61,7 @@ private:
         std::vector<std::uint64_t> introduced; // as long as that has never allowed it
         bool denial_noted = false;             // in the audit log, for the next request
         bool audited = false;
-        held_packets<request_head> held; // while it is comparing
+        held_packets<incoming_call> held; // while it is comparing
     };
     struct running_call {
         binding* of = nullptr;
@@ -83,14 +76,14 @@ private:
 
     void bind(std::uint32_t number, const std::vector<std::uint64_t>& fingerprints);
     void compare(std::uint32_t number, std::vector<std::uint64_t> fingerprints);
-    void turn_away(const request_head& head, failure why);
-    void deny(binding& of, const request_head& head);
+    void turn_away(const incoming_call& call, failure why);
+    void deny(binding& of, const incoming_call& call);
     void consult(binding& of, bool note);
     /// Null where no such call runs.
     running_call* find(std::uint64_t id) noexcept;
     void forget(std::uint64_t id) noexcept;
-    void serve(binding& of, const request_head& head, incoming_packet request);
-    bool seen_before(binding& of, const request_head& head);
+    void serve(binding& of, incoming_call& call, incoming_packet& request);
+    bool seen_before(binding& of, const incoming_call& call);
     // For those who look at calls: recorders and the tracer.
     void observe(running_call& which, incoming_call& call, incoming_packet& request);
     void observe_end(std::uint64_t id, errc outcome, std::string_view message, const outgoing_packet* response);

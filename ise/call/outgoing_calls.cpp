@@ -3,7 +3,6 @@
 #include <ise/packet/codec.hpp>
 #include <ise/packet/compatibility.hpp>
 #include <ise/wire/body.hpp>
-#include <ise/wire/request_head.hpp>
 
 #include <fmt/format.h>
 
@@ -73,7 +72,7 @@ bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
         object = request.pass();
         flags |= wire::flag::attached;
     }
-    auto& out = connection.out().begin_call();
+    auto& out = connection.out().calls();
     std::size_t start = out.size();
     try {
         wire::put_frame(out, frame_type::request, flags, call.id, [&](buffer& body) {
@@ -101,7 +100,7 @@ bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
     slots_[at].service = head.service;
     call.moves(call_state::sent, *this);
     call.sent_to = over_.peer().incarnation;
-    connection.out().end_call(std::move(object));
+    connection.out().end_call(start, std::move(object));
     connection.written();
     return true;
 }

@@ -12,6 +12,7 @@
 #include <memory>
 #include <source_location>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -68,7 +69,7 @@ struct pending_call final : suspended {
     explicit pending_call(pending_calls& of);
 
     pending_calls& desk;
-    std::string service;
+    std::string_view service; ///< its maker keeps it until the call has ended
     const packet_types* types = nullptr;
     time_point deadline;
     trace_id trace;
@@ -106,11 +107,11 @@ private:
 /// Who makes calls, and goes on with those that a lost session leaves.
 class call_owner {
 public:
-    /// Keeps `to` for a call; a share that is given away is taken over.
+    /// Keeps `of` for a call. `share`, where there is one, is taken over if none is held yet.
     template <class Owner>
-    static held_owner hold(Owner&& to) {
-        call_owner& of = *to;
-        if (of.calls_++ == 0) of.self_ = std::forward<Owner>(to);
+    static held_owner hold(Owner& of, std::shared_ptr<Owner>&& share) {
+        call_owner& base = of;
+        if (base.calls_++ == 0) base.self_ = share ? std::move(share) : of.shared_from_this();
         return held_owner(&of);
     }
 

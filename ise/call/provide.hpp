@@ -62,7 +62,6 @@ private:
         std::optional<Request> request_;
     };
 
-    bool serve_now(call_origin&, const incoming_call&, incoming_packet&) override { return false; }
     std::unique_ptr<call_worker> make_worker() override { return std::make_unique<worker>(*this, runtime()); }
 
     Handler handler_;
@@ -73,10 +72,10 @@ template <class Request, class Response, class Handler>
 class plain_service final : public call_service {
 public:
     plain_service(service_runtime& runtime, std::string name, const packet_types& types, Handler handler)
-        : call_service(runtime, std::move(name), types, {}), handler_(std::move(handler)) {}
+        : call_service(runtime, std::move(name), types), handler_(std::move(handler)) {}
 
 private:
-    bool serve_now(call_origin& from, const incoming_call& call, incoming_packet& came) override {
+    void serve_now(call_origin& from, const incoming_call& call, incoming_packet& came) override {
         Request request{};
         came.take_into(request);
         auto response = answer(from, call, std::move(request));
@@ -86,7 +85,6 @@ private:
             tell_failure(from, response.error());
             from.refuse(call.id, response.error());
         }
-        return true;
     }
 
     result<Response> answer(const call_origin& from, const incoming_call& call, Request request) {
@@ -101,7 +99,6 @@ private:
             return failure_of(std::current_exception());
         }
     }
-    std::unique_ptr<call_worker> make_worker() override { return nullptr; }
 
     Handler handler_;
 };

@@ -185,8 +185,7 @@ void connection::take_frames() {
         if (!taken) return end_for(taken.error());
         if (!open()) return;
     }
-    auto rest = parser_.next();
-    if (!rest) end_for(rest.error());
+    if (!parser_.sound()) end_for(parser_.refusal());
 }
 
 result<void> connection::take_attached(carried_frame received, user* receiver) {

@@ -5,10 +5,8 @@
 #include <ise/core/stream.hpp>
 #include <ise/core/task_scope.hpp>
 #include <ise/core/verified_peer.hpp>
-#include <ise/net/heartbeat_sender.hpp>
-#include <ise/net/liveness.hpp>
+#include <ise/net/heartbeats.hpp>
 #include <ise/net/outbox.hpp>
-#include <ise/net/peer_clock.hpp>
 #include <ise/transport/datagram_stream.hpp>
 #include <ise/wire/messages.hpp>
 #include <ise/wire/parser.hpp>

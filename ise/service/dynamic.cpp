@@ -34,10 +34,11 @@ result<dynamic_packet> response_of(const call_outcome& outcome, const schema& ty
     }
 }
 
-auto submit(std::shared_ptr<peer_channel> to, std::string service, std::shared_ptr<const packet_types> types,
+// `service` is kept by whoever waits.
+auto submit(std::shared_ptr<peer_channel> to, std::string_view service, std::shared_ptr<const packet_types> types,
             bytes request, duration deadline) {
     return asio::async_initiate<const use_task_t, void(result<dynamic_packet>)>(
-        [](auto handler, std::shared_ptr<peer_channel> over, std::string name,
+        [](auto handler, std::shared_ptr<peer_channel> over, std::string_view name,
            std::shared_ptr<const packet_types> packets, bytes body, duration limit) {
             auto executor = asio::get_associated_executor(handler, asio::any_io_executor());
             auto& cancellation =
@@ -49,10 +50,10 @@ auto submit(std::shared_ptr<peer_channel> to, std::string service, std::shared_p
                     handler(std::move(got));
                 };
             };
-            detail::start_call(std::move(over), service_key{name, packets.get()}, limit, executor, cancellation,
+            detail::start_call(*over, std::move(over), service_key{name, packets.get()}, limit, executor, cancellation,
                                std::move(done), outgoing_packet::of_bytes(raw));
         },
-        use_task, std::move(to), std::move(service), std::move(types), std::move(request), deadline);
+        use_task, std::move(to), service, std::move(types), std::move(request), deadline);
 }
 
 } // namespace

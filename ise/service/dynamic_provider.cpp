@@ -101,7 +101,6 @@ private:
         std::optional<dynamic_packet> request_;
     };
 
-    bool serve_now(call_origin&, const incoming_call&, incoming_packet&) override { return false; }
     std::unique_ptr<call_worker> make_worker() override { return std::make_unique<worker>(*this, runtime()); }
 
     std::shared_ptr<const packet_types> kept_;
@@ -112,10 +111,10 @@ class dynamic_plain_service final : public call_service {
 public:
     dynamic_plain_service(service_runtime& runtime, std::string name, std::shared_ptr<const packet_types> types,
                           dynamic_function handler)
-        : call_service(runtime, std::move(name), *types, {}), kept_(std::move(types)), handler_(std::move(handler)) {}
+        : call_service(runtime, std::move(name), *types), kept_(std::move(types)), handler_(std::move(handler)) {}
 
 private:
-    bool serve_now(call_origin& from, const incoming_call& call, incoming_packet& came) override {
+    void serve_now(call_origin& from, const incoming_call& call, incoming_packet& came) override {
         auto request = packet_of(kept_->schemas[role::request], came.bytes());
         auto response = handled(from, call, std::move(request));
         if (response) {
@@ -125,7 +124,6 @@ private:
             tell_failure(from, response.error());
             from.refuse(call.id, response.error());
         }
-        return true;
     }
 
     result<bytes> handled(const call_origin& from, const incoming_call& call, dynamic_packet request) {
@@ -142,7 +140,6 @@ private:
             return detail::failure_of(std::current_exception());
         }
     }
-    std::unique_ptr<call_worker> make_worker() override { return nullptr; }
 
     std::shared_ptr<const packet_types> kept_;
     dynamic_function handler_;

@@ -5,6 +5,8 @@
 #include <ise/service/peer_sessions.hpp>
 #include <ise/service/role_state.hpp>
 
+#include <asio/post.hpp>
+#include <asio/system_executor.hpp>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -90,39 +92,65 @@ void peer_channel::on_missed(const subscriber_core& subscriber) {
     note_miss(subscriber.service(), &subscriber.types(), obstacle());
 }
 
-void peer_channel::submit(pending_call& call, outgoing_packet request) {
-    if (runtime().on().abandoned()) {
-        of_.calls.abandon(call);
+failure peer_channel::misplaced(service_key service) const {
+    return {errc::invalid_argument,
+            fmt::format("'{}' at {} was used off its component's thread: spawn the call on that component "
+                        "(component::spawn), or wait for it from another thread (component::wait)",
+                        service.name, name_)};
+}
+
+void peer_channel::call(std::shared_ptr<peer_channel>&& share, service_key service, duration deadline,
+                        const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
+                        outgoing_packet request, const std::source_location& where) {
+    auto& on = runtime().on();
+    if (!on.running_here()) [[unlikely]] {
+        auto why = misplaced(service);
+        auto completion = done(call_outcome{&why, nullptr});
+        if (waiting) asio::post(waiting, std::move(completion));
+        else asio::post(asio::system_executor(), std::move(completion));
         return;
     }
-    if (call.deadline <= runtime().on().now()) {
-        of_.calls.fail(call, failure(errc::timed_out,
-                                     fmt::format("'{}' at {} was called after its deadline", call.service, name_)));
-        return;
+    auto& call = of_.calls.open(call_owner::hold(*this, std::move(share)), cancellation);
+    call.service = service.name;
+    call.types = service.types;
+    call.began = on.now();
+    call.deadline = saturating_add(call.began, deadline > duration{} ? deadline : runtime().options().default_deadline);
+    call.trace = {};
+    call.made_in = context_of(waiting ? waiting : on.get_executor());
+    if (call.made_in) {
+        call.deadline = std::min(call.deadline, call.made_in->deadline);
+        call.trace = call.made_in->trace;
     }
+    call.where = where;
+    if (auto* traces = runtime().options().traces.get()) [[unlikely]]
+        call.spans = traces->begin_call(call.trace, call.caused_by, call.made_in != nullptr);
+    call.done = std::move(done);
+    if (on.abandoned()) return of_.calls.abandon(call);
+    if (call.deadline <= call.began)
+        return of_.calls.fail(call, failure(errc::timed_out, fmt::format("'{}' at {} was called after its deadline",
+                                                                         call.service, name_)));
     call.alarm.arm(call.deadline);
+    if (!session_ || !session_->open()) return keep_waiting(call, request);
     try {
-        if (session_ && session_->open()) {
-            if (session_->calls().send(call, request)) return;
-            of_.calls.fail(call, overloaded(*session_, name_));
-            return;
-        }
-        if (runtime().stopping() || !reconnects()) {
-            auto why = !reconnects() ? failure(errc::peer_lost, fmt::format("the session with {} has ended", name_))
-                                     : failure(errc::cancelled, "the component stops");
-            of_.calls.fail(call, why);
-            return;
-        }
-        if (waiting_.size() >= limit::waiting_calls) {
-            of_.calls.fail(call,
-                           failure(errc::overloaded, fmt::format("{} calls wait for a session with {} (waiting_calls)",
-                                                                 waiting_.size(), name_)));
-            return;
-        }
-        call.waiting = request.keep();
+        if (!session_->calls().send(call, request)) of_.calls.fail(call, overloaded(*session_, name_));
     } catch (const error& thrown) {
         of_.calls.fail(call, thrown.why());
-        return;
+    }
+}
+
+// Until there is a session.
+void peer_channel::keep_waiting(pending_call& call, outgoing_packet request) {
+    if (!reconnects())
+        return of_.calls.fail(call, failure(errc::peer_lost, fmt::format("the session with {} has ended", name_)));
+    if (runtime().stopping()) return of_.calls.fail(call, failure(errc::cancelled, "the component stops"));
+    if (waiting_.size() >= limit::waiting_calls)
+        return of_.calls.fail(call, failure(errc::overloaded, fmt::format("{} calls wait for a session with {} "
+                                                                          "(waiting_calls)",
+                                                                          waiting_.size(), name_)));
+    try {
+        call.waiting = request.keep();
+    } catch (const error& thrown) {
+        return of_.calls.fail(call, thrown.why());
     }
     wait_for_session(call, call_state::waiting);
     note_wait(call.service, call.types);
@@ -408,10 +436,10 @@ void peer_channel::on_session_end(session& ended, const failure& cause) {
         stop();
     } else if (wanted()) {
         for (const auto* one : subscribers_) note_wait(one->service(), &one->types());
-        const std::string* last = nullptr; // many calls are mostly of few services
+        std::string_view last; // many calls are mostly of few services
         for (const auto* call : waiting_) {
-            if (!last || *last != call->service) note_wait(call->service, call->types);
-            last = &call->service;
+            if (last != call->service) note_wait(call->service, call->types);
+            last = call->service;
         }
         if (!subscribers_.empty())
             runtime().log().info("was lost; its subscriptions go on when it is back",

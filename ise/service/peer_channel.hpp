@@ -12,6 +12,7 @@
 #include <list>
 #include <memory>
 #include <optional>
+#include <source_location>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -58,8 +59,12 @@ public:
     bool located() const noexcept override { return located_ && seekers_ == 0; }
     bool awaits(std::string_view service) const noexcept override;
 
-    /// Starts a call. Its outcome comes later, even on refusal.
-    void submit(pending_call& call, outgoing_packet request);
+    /// Starts a call (`detail::start_call`). Its outcome comes later, even on refusal.
+    void call(std::shared_ptr<peer_channel>&& share, service_key service, duration deadline,
+              const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
+              outgoing_packet request, const std::source_location& where);
+    /// Why it is not used on another thread than the component's.
+    failure misplaced(service_key service) const;
     failure let_go(pending_call& call, errc why) override;
     void requeue(pending_call& call, payload request) override;
     void repeat(pending_call& call) override;
@@ -108,6 +113,7 @@ private:
     void adopt(std::shared_ptr<session> made);
     void send_waiting();
 
+    void keep_waiting(pending_call& call, outgoing_packet request);
     void wait_for_session(pending_call& call, call_state how);
     void note_wait(std::string_view service, const packet_types* types);
     void note_miss(std::string_view service, const packet_types* types, std::string cause);

@@ -26,13 +26,10 @@ class peer_channel;
 namespace detail {
 
 /// Everything of a call that needs no types: opens the record, which keeps `to`, fits deadline and trace to the context
-/// that the executor of whoever waits carries, and sends. Off the component's thread nothing is touched and nothing
-/// sent: the call fails, on that executor or, where there is none, on the system's. `where`: of the `co_await`, for
-/// people.
-void start_call(const std::shared_ptr<peer_channel>& to, service_key service, duration deadline,
-                const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
-                outgoing_packet request, const std::source_location& where = std::source_location());
-void start_call(std::shared_ptr<peer_channel>&& to, service_key service, duration deadline,
+/// that the executor of whoever waits carries, and sends. `share`, where there is one, may be taken over for that. Off
+/// the component's thread nothing is touched and nothing sent: the call fails, on that executor or, where there is
+/// none, on the system's. `where`: of the `co_await`, for people.
+void start_call(peer_channel& to, std::shared_ptr<peer_channel>&& share, service_key service, duration deadline,
                 const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
                 outgoing_packet request, const std::source_location& where = std::source_location());
 /// The same as what a subscriber needs of it.
@@ -136,7 +133,7 @@ public:
             got_.emplace(detail::response_of<response_type>(outcome));
             return [waiting = std::move(waiting)]() mutable { waiting.resume(); };
         };
-        detail::start_call(std::move(to_), service_, deadline_, stack.executor(), cancellation_, std::move(done),
+        detail::start_call(*to_, std::move(to_), service_, deadline_, stack.executor(), cancellation_, std::move(done),
                            outgoing_packet(request_), where_);
     }
     /// Where it is awaited (`task_promise_base::await_transform`).
@@ -227,9 +224,9 @@ public:
                   Token&& token) const {
         using response = typename Contract::response_type;
         return asio::async_initiate<Token, void(result<response>)>(
-            [](auto handler, auto&& to, service_key key, typename Contract::request_type packet, duration limit) {
-                start<response>(std::move(handler), std::forward<decltype(to)>(to), key, packet, limit);
-            },
+            [](auto handler, const std::shared_ptr<peer_channel>& to, service_key key,
+               typename Contract::request_type packet,
+               duration limit) { start<response>(std::move(handler), to, key, packet, limit); },
             token, link_, service.key(), std::move(request), deadline);
     }
 
@@ -284,8 +281,9 @@ public:
     task<result<void>> connect(duration deadline) const;
 
 private:
-    template <class Response, class Handler, class Link, class Request>
-    static void start(Handler handler, Link&& to, service_key key, Request& packet, duration limit) {
+    template <class Response, class Handler, class Request>
+    static void start(Handler handler, const std::shared_ptr<peer_channel>& to, service_key key, Request& packet,
+                      duration limit) {
         asio::any_io_executor waiting = asio::get_associated_executor(handler, asio::any_io_executor());
         auto slot = asio::get_associated_cancellation_slot(handler);
         call_completion done = [handler = std::move(handler)](const call_outcome& outcome) mutable {
@@ -296,8 +294,7 @@ private:
         };
         call_cancellation nobody;
         auto& cancellation = slot.is_connected() ? slot.template emplace<detail::slot_cancellation>() : nobody;
-        detail::start_call(std::forward<Link>(to), key, limit, waiting, cancellation, std::move(done),
-                           outgoing_packet(packet));
+        detail::start_call(*to, nullptr, key, limit, waiting, cancellation, std::move(done), outgoing_packet(packet));
     }
 
     template <class Contract>

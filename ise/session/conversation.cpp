@@ -81,8 +81,10 @@ std::string conversation::caller_name() const {
 
 void conversation::send(wire::frame_type type, std::uint8_t flags, std::uint64_t id,
                         function_ref<void(buffer&)> write_body) {
-    wire::put_frame(connection_->out().begin_call(), type, flags, id, write_body);
-    connection_->out().end_call();
+    auto& calls = connection_->out().calls();
+    const auto start = calls.size();
+    wire::put_frame(calls, type, flags, id, write_body);
+    connection_->out().end_call(start);
     connection_->written();
 }
 

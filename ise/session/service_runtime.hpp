@@ -5,7 +5,7 @@
 #include <ise/core/loop.hpp>
 #include <ise/core/task_scope.hpp>
 #include <ise/core/time.hpp>
-#include <ise/net/heartbeat_sender.hpp>
+#include <ise/net/heartbeats.hpp>
 #include <ise/session/schema_cache.hpp>
 #include <ise/session/service_options.hpp>
 #include <ise/wire/messages.hpp>

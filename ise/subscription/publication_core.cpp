@@ -25,7 +25,7 @@ std::size_t publication_core::subscribers() const noexcept { return all_.size();
 
 shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet) {
     auto& room = maker_.room();
-    room.grow(packet_frame::head_bytes); // is completed in begin_packet
+    room.grow(packet_frame::head_bytes); // is completed in publish
     write_packet(room);
     if (room.size() > std::numeric_limits<std::uint32_t>::max())
         throw error(errc::too_large,
@@ -33,7 +33,13 @@ shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet) {
     return maker_.share();
 }
 
-void publication_core::begin_packet(published_packet& packet) {
+shared_bytes publication_core::frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at) {
+    auto frame = share([&](buffer& out) { object.write(out); });
+    packet_frame::complete(shared_bytes_maker::open(frame), frame.size(), usual_id, sequence, published_at);
+    return frame;
+}
+
+void publication_core::publish(published_packet packet, const choice* wants) {
     packet.sequence = sequence_ + 1;
     packet.published_at = runtime().publication_time();
     if (packet.has_frame) {
@@ -45,34 +51,13 @@ void publication_core::begin_packet(published_packet& packet) {
     }
     ++sequence_;
     ++runtime().counts().packets_published;
-}
-
-shared_bytes publication_core::frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at) {
-    auto frame = share([&](buffer& out) { object.write(out); });
-    packet_frame::complete(shared_bytes_maker::open(frame), frame.size(), usual_id, sequence, published_at);
-    return frame;
-}
-
-void publication_core::publish(published_packet packet) {
-    begin_packet(packet);
-    std::vector<std::uint64_t> too_slow;
-    for (auto& who : all_)
-        if (!who.offer(packet)) too_slow.push_back(who.info().number);
-    last_ = std::move(packet);
-    if (!too_slow.empty()) end_too_slow(too_slow);
-}
-
-void publication_core::publish_to(published_packet packet, function_ref<bool(const subscriber_info&)> wants) {
-    begin_packet(packet);
-    selective_ = true;
     std::vector<std::uint64_t> too_slow;
     for (auto& who : all_) {
-        if (!wants(who.info())) {
-            who.pass();
-        } else if (!who.offer(packet)) {
-            too_slow.push_back(who.info().number);
-        }
+        if (wants && !(*wants)(who.info())) who.pass();
+        else if (!who.offer(packet)) too_slow.push_back(who.info().number);
     }
+    if (wants) selective_ = true;
+    else last_ = std::move(packet);
     if (!too_slow.empty()) end_too_slow(too_slow);
 }
 

@@ -41,10 +41,11 @@ public:
     bool wants_object() const noexcept;
     /// Encodes a packet once for all subscribers, as a frame that is completed when it is published.
     shared_bytes share(function_ref<void(buffer&)> write_packet);
-    /// Publishes to all subscribers; never blocks.
-    void publish(published_packet packet);
-    /// Publishes to those that `wants` names; for the others it is skipped, which is no loss. It is no last value.
-    void publish_to(published_packet packet, function_ref<bool(const subscriber_info&)> wants);
+    using choice = function_ref<bool(const subscriber_info&)>;
+    /// Publishes to all subscribers; never blocks. With `wants`: only to those that it names; for the others it is
+    /// skipped, which is no loss, and it is no last value.
+    void publish(published_packet packet, const choice* wants = nullptr);
+    void publish_to(published_packet packet, choice wants) { publish(std::move(packet), &wants); }
     /// Whether every lossless subscriber that is connected has room for one more packet.
     bool has_room() const noexcept;
     /// Waits until it has, or a subscriber has been silent for too long. Cancellation: terminal.
@@ -89,7 +90,6 @@ private:
     void drop(remote_subscriber& who);
     subscriber_info take_out(remote_subscriber& who);
     void end_holding_up(time_point since);
-    void begin_packet(published_packet& packet);
     std::optional<published_packet> last_packet(bool as_object);
     void end_too_slow(const std::vector<std::uint64_t>& numbers);
 

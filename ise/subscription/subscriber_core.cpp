@@ -351,31 +351,26 @@ void subscriber_core::drop_oldest() { gap_ = gap_of(gap_of(gap_, queue_.pop().lo
 packet_origin subscriber_core::take_packet() {
     auto from = queue_.pop();
     from.lost_before = gap_of(std::exchange(gap_, 0), from.lost_before);
-    taken();
+    ++consumed_;
+    if (options_.policy != overflow::lossless || !session_) return from;
+    // New credit in portions: a frame for every packet would cost as much as the packet.
+    auto allowed = granted_at_first_ + consumed_;
+    if (allowed - granted_ < std::max<std::uint64_t>(1, capacity() / 2)) return from;
+    granted_ = allowed;
+    session_->grant(*this, granted_);
     return from;
 }
 
 void subscriber_core::drop_undecodable(const error& why) {
     --counts_.received;
     count_undecodable(why);
-    drop_oldest();
-    taken();
+    gap_ = gap_of(take_packet().lost_before, 1);
 }
 
 void subscriber_core::count_undecodable(const error& why) {
     ++counts_.undecodable;
     if (counts_.undecodable == 1)
         owner_->runtime().log().warning(why.what(), {{"service", service_}, {"peer", owner_->name()}});
-}
-
-void subscriber_core::taken() {
-    ++consumed_;
-    if (options_.policy != overflow::lossless || !session_) return;
-    // New credit in portions: a frame for every packet would cost as much as the packet.
-    auto allowed = granted_at_first_ + consumed_;
-    if (allowed - granted_ < std::max<std::uint64_t>(1, capacity() / 2)) return;
-    granted_ = allowed;
-    session_->grant(*this, granted_);
 }
 
 } // namespace ise

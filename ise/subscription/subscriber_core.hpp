@@ -186,7 +186,6 @@ private:
     void finish(failure why);
     void drop_oldest();
     void count_undecodable(const error& why);
-    void taken();
     void refuse_packets(const failure& why);
     void adapt_to(const std::vector<schema>& theirs, wire::subscribed& answer);
     void establish(const wire::subscribed& answer);

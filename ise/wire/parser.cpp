@@ -47,6 +47,7 @@ std::string_view name_of(frame_type type) noexcept {
 std::span<std::byte> parser::prepare() {
     // What is left of the last read moves to the front; it is less than a frame.
     const std::size_t used = end_;
+    const bool filled = used == storage_.size(); // the last read filled its room: this one gets more
     if (begin_ > 0) {
         std::memmove(storage_.data(), storage_.data() + begin_, end_ - begin_);
         end_ -= begin_;
@@ -61,9 +62,8 @@ std::span<std::byte> parser::prepare() {
     if (end_ >= frame_header::size) // a length beyond the limit is next()'s to refuse
         wanted = std::max<std::size_t>(wanted, frame_header::size +
                                                    std::min(read_header(storage_.data()).length, max_frame_bytes_));
-    if (filled_ && storage_.size() < max_room) wanted = std::max(wanted, storage_.size() * 4);
+    if (filled && storage_.size() < max_room) wanted = std::max(wanted, storage_.size() * 4);
     if (wanted > storage_.size()) storage_.resize(wanted);
-    filled_ = false;
     return std::span(storage_).subspan(end_);
 }
 

@@ -18,22 +18,19 @@ public:
 
     /// Room for the next read: as much as a started frame still needs, or a read of ordinary size.
     std::span<std::byte> prepare();
-    void commit(std::size_t count) noexcept {
-        end_ += count;
-        filled_ = end_ == storage_.size();
-    }
+    void commit(std::size_t count) noexcept { end_ += count; }
 
     /// The next whole frame, or nothing. Its body stays valid until the next `prepare()`.
     /// errc::protocol_error or errc::too_large end the stream: nothing after it can be trusted.
     result<std::optional<frame>> next() {
         frame found;
         if (take(found)) return std::optional<frame>{found};
-        if (end_ - begin_ < frame_header::size || sound(read_header(storage_.data() + begin_)))
-            return std::optional<frame>{};
-        return refuse(read_header(storage_.data() + begin_));
+        if (sound()) return std::optional<frame>{};
+        return refusal();
     }
 
-    /// The next frame where it is whole and sound; where not, `next()` says what is the matter. For many in a row.
+    /// The next frame where it is whole and sound; where not, `sound()` says whether more bytes make it one. For many
+    /// in a row.
     bool take(frame& found) noexcept {
         bytes_view rest(storage_.data() + begin_, end_ - begin_);
         if (!take(found, rest)) return false;
@@ -52,6 +49,13 @@ public:
         return true;
     }
 
+    /// Whether what is left can become a frame.
+    bool sound() const noexcept {
+        return pending() < frame_header::size || sound(read_header(storage_.data() + begin_));
+    }
+    /// Why not. Only where it cannot.
+    failure refusal() const { return refuse(read_header(storage_.data() + begin_)); }
+
     /// Bytes received that make no whole frame yet.
     std::size_t pending() const noexcept { return end_ - begin_; }
     std::size_t capacity() const noexcept { return storage_.size(); }
@@ -60,7 +64,6 @@ public:
         if (pending() > 0) return;
         storage_ = std::vector<std::byte>();
         begin_ = end_ = 0;
-        filled_ = false;
     }
     /// What came did not need it: a few times in a row, and it gives its buffer back.
     void rest() noexcept {
@@ -88,7 +91,6 @@ private:
     std::vector<std::byte> storage_;
     std::size_t begin_ = 0;
     std::size_t end_ = 0;
-    bool filled_ = false;      // the last read filled its room: the next one gets more
     unsigned small_reads_ = 0; // in a row
     const char* limit_;
     std::uint32_t max_frame_bytes_;

@@ -210,10 +210,10 @@ TEST_CASE("a connection ends once, with its cause, whatever broke") {
 TEST_CASE("goodbye is said behind everything that waits, also what goes in pieces") {
     scripted at(4096);
     at.begin();
-    ise::wire::put_frame(at.connection->out().begin_call(), frame_type::reply, 0, 5, [](ise::buffer& body) {
+    ise::wire::put_frame(at.connection->out().calls(), frame_type::reply, 0, 5, [](ise::buffer& body) {
         for (int i = 0; i < 300'000; ++i) body.append(std::uint8_t{1});
     });
-    at.connection->out().end_call();
+    at.connection->out().end_call(0);
     at.connection->written();
     at.connection->finish(ise::failure(errc::cancelled, "the component stops"), 2s);
     at.listen();
@@ -230,10 +230,10 @@ TEST_CASE("goodbye is said behind everything that waits, also what goes in piece
 TEST_CASE("a peer that does not take the rest is left when the grace is over") {
     scripted at(4096);
     at.begin();
-    ise::wire::put_frame(at.connection->out().begin_call(), frame_type::reply, 0, 5, [](ise::buffer& body) {
+    ise::wire::put_frame(at.connection->out().calls(), frame_type::reply, 0, 5, [](ise::buffer& body) {
         for (int i = 0; i < 300'000; ++i) body.append(std::uint8_t{1});
     });
-    at.connection->out().end_call();
+    at.connection->out().end_call(0);
     at.connection->finish(ise::failure(errc::cancelled, "the component stops"), 500ms);
     at.world.run_for(600ms);
     REQUIRE(at.user->end);
@@ -268,10 +268,10 @@ TEST_CASE("while its loop does not turn, another thread shows that it lives, bet
     SECTION("not into a frame that is half written") {
         scripted narrow(4096);
         narrow.begin();
-        ise::wire::put_frame(narrow.connection->out().begin_call(), frame_type::reply, 0, 5, [](ise::buffer& body) {
+        ise::wire::put_frame(narrow.connection->out().calls(), frame_type::reply, 0, 5, [](ise::buffer& body) {
             for (int i = 0; i < 100'000; ++i) body.append(std::uint8_t{1});
         });
-        narrow.connection->out().end_call();
+        narrow.connection->out().end_call(0);
         narrow.connection->written();
         narrow.world.run_for(1ms);
         narrow.connection->signs()->show(narrow.on.now() + 10s);

@@ -57,12 +57,13 @@ std::vector<std::uint64_t> ids_of(const std::vector<written>& frames) {
 }
 
 void request(outbox& to, std::uint64_t id, ise::time_point deadline, std::size_t size = 4) {
-    ise::wire::put_frame(to.begin_call(), frame_type::request, 0, id, [&](ise::buffer& body) {
+    const auto start = to.calls().size();
+    ise::wire::put_frame(to.calls(), frame_type::request, 0, id, [&](ise::buffer& body) {
         body.append(std::uint32_t{0});
         body.append(static_cast<std::int64_t>(deadline.time_since_epoch().count()));
         for (std::size_t i = 0; i < size; ++i) body.append(static_cast<std::uint8_t>(id));
     });
-    to.end_call();
+    to.end_call(start);
 }
 void ping(outbox& to, std::uint64_t id) {
     ise::wire::put_frame(to.control(), frame_type::ping, 0, id, [](ise::buffer&) {});
@@ -71,11 +72,12 @@ std::int64_t time_left(const written& frame) { return ise::detail::load_little<s
 
 constexpr auto number = ise::object_type::of<int>([](const void*, ise::buffer&) {});
 void request_beside(outbox& to, std::uint64_t id, ise::time_point deadline) {
-    ise::wire::put_frame(to.begin_call(), frame_type::request, ise::wire::flag::attached, id, [&](ise::buffer& body) {
+    const auto start = to.calls().size();
+    ise::wire::put_frame(to.calls(), frame_type::request, ise::wire::flag::attached, id, [&](ise::buffer& body) {
         body.append(std::uint32_t{0});
         body.append(static_cast<std::int64_t>(deadline.time_since_epoch().count()));
     });
-    to.end_call(ise::passed_object(number, static_cast<int>(id), 100));
+    to.end_call(start, ise::passed_object(number, static_cast<int>(id), 100));
 }
 
 struct source final : ise::net::publication_source {

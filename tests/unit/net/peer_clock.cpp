@@ -1,4 +1,4 @@
-#include <ise/net/peer_clock.hpp>
+#include <ise/net/heartbeats.hpp>
 
 #include <support/catch.hpp>
 

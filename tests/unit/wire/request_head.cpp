@@ -1,4 +1,4 @@
-#include <ise/wire/request_head.hpp>
+#include <ise/wire/frame.hpp>
 #include <support/catch.hpp>
 
 #include <cstdint>
