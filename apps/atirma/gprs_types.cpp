@@ -3,6 +3,7 @@
 
 #include <components/boat/recall.hpp>
 #include <components/gprs_link/gprs_link_emulator.hpp>
+#include <components/gprs_proxy/gprs_gateway.hpp>
 #include <components/gprs_proxy/gprs_proxy.hpp>
 
 #include <fmt/format.h>
@@ -47,6 +48,22 @@ component_type gprs_proxy_type(const std::function<void(const std::string&)>& an
     return type;
 }
 
+component_type gprs_gateway_type(const std::function<void(const std::string&)>& announce) {
+    component_type type("gprs-gateway", "one address for the boats of a fleet over GPRS", "atirma/gprs");
+    auto options = std::make_shared<gprs_gateway_options>();
+    options->on_listening = [announce](const std::vector<ise::endpoint>& listening) { announce(ready(listening)); };
+    auto& set = type.parameters;
+    set.add("boat-listen", options->listen,
+            "endpoints for the boats: tls:// (requires certificates), tcp://; port 0: any free one")
+        .kind(parameter_kind::endpoint);
+    set.add("proxy", options->proxy, "path of a boat's GPRS proxy; {boat} is the id in the boat's login");
+    set.add("max-connections", options->max_connections, "connections of boats and of clients without a login")
+        .range(1, 65536);
+    type.provides(services::gprs_gateway).requires_(services::gprs);
+    type.makes<gprs_gateway>(options);
+    return type;
+}
+
 component_type gprs_link_type(const std::function<void(const std::string&)>& announce) {
     component_type type("gprs-link", "an emulated carrier between boat and proxy, with faults", "atirma/carrier");
     auto options = std::make_shared<gprs_link_options>();
@@ -72,6 +89,7 @@ component_type gprs_link_type(const std::function<void(const std::string&)>& ann
 std::vector<component_type> gprs_types(const std::function<void(const std::string&)>& announce) {
     std::vector<component_type> all;
     all.push_back(gprs_proxy_type(announce));
+    all.push_back(gprs_gateway_type(announce));
     all.push_back(gprs_link_type(announce));
     return all;
 }

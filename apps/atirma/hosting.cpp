@@ -1,14 +1,25 @@
 #include "hosting.hpp"
 
-#include <CLI/CLI.hpp>
+#include <components/boat/boat_names.hpp>
 
+#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <cstdlib>
 #include <optional>
+#include <string_view>
 
 namespace atirma {
 namespace {
+
+using given_values = std::map<std::string, std::vector<std::string>>; // of each parameter
+
+constexpr std::size_t max_boats = 1000;
+// Each boat has its own.
+constexpr std::array<std::string_view, 6> of_each_boat{"boat-simulator", "xbee-link",     "xbee-proxy",
+                                                       "gprs-proxy",     "iridium-proxy", "communication-node"};
 
 /// A subcommand while it is read.
 struct reading {
@@ -16,8 +27,43 @@ struct reading {
 
     ise::component_type type;
     hosted made;
-    std::map<std::string, std::vector<std::string>> given; // of each parameter
+    given_values given;
+    std::size_t boats = 1;
 };
+
+ise::component_type type_named(const std::string& name, const ise::type_maker& types) {
+    auto all = types();
+    return std::move(*std::find_if(all.begin(), all.end(), [&](const auto& one) { return one.about.name == name; }));
+}
+
+void set_values(ise::component_type& of, const given_values& values) {
+    for (const auto& [name, all] : values)
+        for (const auto& value : all) {
+            auto set = of.parameters.set(name, value);
+            if (!set) throw CLI::ValidationError("--" + name, set.error().message());
+        }
+    auto taken = of.parameters.set_from([](const std::string& name) -> std::optional<std::string> {
+        const char* result = std::getenv(name.c_str());
+        return result ? std::optional<std::string>(result) : std::nullopt;
+    });
+    if (!taken) throw CLI::ValidationError(of.about.name, taken.error().message());
+}
+
+/// The values for a boat, given those of the first: presets name the boat, too. Each boat has gusts of its own.
+given_values values_of(const ise::component_type& type, given_values values, std::size_t number) {
+    auto boat = boat_name(number);
+    for (const auto& declared : type.parameters.all()) {
+        auto& all = values[declared.name];
+        bool preset = all.empty() && !declared.preset.empty();
+        if (preset && declared.many) all = CLI::detail::split(declared.preset, ',');
+        else if (preset) all = {declared.preset};
+        auto before = all;
+        for (auto& one : all) one = of_boat(one, boat);
+        if (declared.name == "seed") all = {std::to_string(std::stoull(all.front()) + number - 1)};
+        else if (preset && all == before) all.clear(); // it may come from the environment
+    }
+    return values;
+}
 
 CLI::Validator fits(const ise::parameter& declared) {
     return CLI::Validator(
@@ -44,13 +90,12 @@ void add_parameter(CLI::App& to, const ise::parameter& declared, std::vector<std
 
 } // namespace
 
-void add_components(CLI::App& run, std::vector<hosted>& into, std::vector<ise::component_type> types) {
-    for (auto& type : types) {
+void add_components(CLI::App& run, std::vector<hosted>& into, const ise::type_maker& types) {
+    for (auto& type : types()) {
         auto one = std::make_shared<reading>(std::move(type));
         auto& about = one->type.about;
         auto* sub = run.add_subcommand(about.name, about.description);
         one->made.path = about.path;
-        one->made.make = one->type.make;
         sub->add_option("--path", one->made.path, "its name in the system")->capture_default_str();
         sub->add_option("--listen", one->made.listen,
                         "endpoints to listen on, such as tcp://0.0.0.0:7411 (default: in-process, local, loopback)")
@@ -60,21 +105,28 @@ void add_components(CLI::App& run, std::vector<hosted>& into, std::vector<ise::c
         sub->add_option("--role", one->made.roles, "a role to serve, and the priority in it, such as atirma/gateway=5")
             ->type_name("ROLE=PRIORITY")
             ->allow_extra_args(false);
+        if (std::ranges::find(of_each_boat, about.name) != of_each_boat.end())
+            sub->add_option("--boats", one->boats,
+                            "run it for so many boats: atirma, boat-2, boat-3...; in values {boat} is the boat's name, "
+                            "and atirma/shore becomes boat-2/shore")
+                ->check(CLI::Range(std::size_t{1}, max_boats))
+                ->capture_default_str();
         for (const auto& declared : one->type.parameters.all())
             add_parameter(*sub, declared, one->given[declared.name]);
-        sub->final_callback([one, &into] {
-            for (const auto& [name, values] : one->given)
-                for (const auto& value : values) {
-                    auto set = one->type.parameters.set(name, value);
-                    if (!set) throw CLI::ValidationError("--" + name, set.error().message());
+        sub->final_callback([one, &into, types] {
+            for (std::size_t number = 1; number <= one->boats; ++number) {
+                auto type = type_named(one->type.about.name, types);
+                set_values(type, one->boats > 1 ? values_of(type, one->given, number) : one->given);
+                auto made = one->made;
+                if (one->boats > 1) {
+                    auto boat = boat_name(number);
+                    made.path = of_boat(made.path, boat);
+                    for (auto& role : made.roles) role = of_boat(role, boat);
                 }
-            auto taken = one->type.parameters.set_from([](const std::string& name) -> std::optional<std::string> {
-                const char* result = std::getenv(name.c_str());
-                return result ? std::optional<std::string>(result) : std::nullopt;
-            });
-            if (!taken) throw CLI::ValidationError(one->type.about.name, taken.error().message());
-            one->made.parameters = one->type.live();
-            into.push_back(one->made);
+                made.make = type.make;
+                made.parameters = type.live();
+                into.push_back(std::move(made));
+            }
         });
     }
 }

@@ -29,8 +29,9 @@ std::vector<ise::component_type> component_types(std::function<void(const std::s
 /// Those of the link over GPRS; component_types() has them, too.
 std::vector<ise::component_type> gprs_types(const std::function<void(const std::string&)>& announce);
 
-/// Adds types as subcommands of `run`, each with its parameters as options. After parsing, those that were named stand
-/// in `into`, which outlives the parser.
-void add_components(CLI::App& run, std::vector<hosted>& into, std::vector<ise::component_type> types);
+/// Adds types as subcommands of `run`, each with its parameters as options, and those that belong to a boat with
+/// `--boats`. After parsing, those that were named stand in `into`, which outlives the parser. `types` makes the types
+/// for each boat anew.
+void add_components(CLI::App& run, std::vector<hosted>& into, const ise::type_maker& types);
 
 } // namespace atirma

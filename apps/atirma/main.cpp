@@ -156,7 +156,6 @@ std::vector<std::string> words_of(int count, char** words) {
 }
 
 int obey(int count, char** words) {
-    auto types = atirma::component_types(say);
     CLI::App app{"The shore side of A-Tirma, and a simulated boat", "atirma"};
     app.formatter(std::make_shared<wrapped_help>());
     app.set_version_flag("--version", "atirma " ATIRMA_VERSION);
@@ -175,7 +174,7 @@ int obey(int count, char** words) {
     auto* runs = app.add_subcommand("run", "run one component or several, until SIGINT or SIGTERM");
     add_common(*runs, common);
     runs->require_subcommand(1, 0);
-    atirma::add_components(*runs, wanted, std::move(types));
+    atirma::add_components(*runs, wanted, [] { return atirma::component_types(say); });
 
     atirma::replay_request replaying;
     auto* replays = app.add_subcommand("replay", "replay a recording into components on the virtual clock, and show "

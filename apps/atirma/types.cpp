@@ -142,6 +142,8 @@ component_type web_server_type(std::function<void(const std::string&)> announce)
             "sources of telemetry: paths of proxies, or the role atirma/communication");
     set.add("boat-name", options->track.boat, "name of the boat on the page");
     set.add("more-boats", options->more_boats, "further boats, each NAME=PATH[,PATH], such as Vela=vela/communication");
+    set.add("boats", options->boats, "boats of the fleet: the first, boat-2, boat-3..., each by its communication node")
+        .range(1, 1000);
     set.add("archive", options->archive.file, "SQLite file for track and telemetry, kept over a restart; empty: none")
         .kind(parameter_kind::path);
     set.add("tiles", options->tiles.url,

@@ -124,6 +124,7 @@ int run(const arguments& given, int count, char** words) {
     terms.use_names = given.name_server != "none";
     atirma::console::gui_client_options options;
     options.space = given.space;
+    options.communication = given.space + "/communication";
     options.proxies = given.proxies;
     if (terms.use_names) {
         options.name_servers = given.name_server.empty() ? ise::usual_name_servers(world).value()

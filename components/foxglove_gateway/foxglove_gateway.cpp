@@ -140,7 +140,7 @@ struct foxglove_gateway::state : std::enable_shared_from_this<state> {
     std::size_t operations = 0;
     log_limiter quiet;
 
-    bool shows(const service_info& service) const { return options.has(service); }
+    bool shows(const ise::service_info& service) const { return options.has(service); }
 
     // The same channel has the same number when it comes again.
     std::uint32_t number_of(const std::string& what) {

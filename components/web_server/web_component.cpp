@@ -1,5 +1,6 @@
 #include <components/web_server/web_component.hpp>
 
+#include <components/boat/boat_names.hpp>
 #include <components/web_server/assets.hpp>
 #include <components/web_server/track_json.hpp>
 #include <ise/http/http_answers.hpp>
@@ -69,6 +70,10 @@ void web_server::forget_boats() {
 void web_server::make_boats() {
     std::vector<boat_source> sources;
     sources.push_back({options_.track.boat, "", options_.telemetry});
+    for (std::size_t number = 2; number <= options_.boats; ++number) {
+        auto boat = boat_name(number);
+        sources.push_back({boat, "", {of_boat(std::string(communication_role), boat)}});
+    }
     for (const auto& text : options_.more_boats) sources.push_back(parse_boat(text));
     name_boats(sources);
     boats_.clear();

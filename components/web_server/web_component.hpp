@@ -23,6 +23,7 @@ struct web_server_options {
     page_address http;
     std::vector<std::string> telemetry;  ///< of the first boat, see `boat_source`; its name is `track.boat`
     std::vector<std::string> more_boats; ///< each as `parse_boat` reads it: "Vela=vela/communication"
+    std::size_t boats = 1;               ///< of a fleet (docs/fleet.md): so many, by their names, before `more_boats`
     track_options track;                 ///< its `epoch` is chosen anew at each start, `id` from the name
     tile_source tiles;                   ///< a chart below the page's own coastline; none by default
     archive_options archive; ///< without a file nothing outlives a restart but what communication nodes keep

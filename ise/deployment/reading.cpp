@@ -1,6 +1,7 @@
 #include <ise/deployment/reading.hpp>
 
 #include <ise/component/nearest.hpp>
+#include <ise/deployment/copies.hpp>
 #include <ise/deployment/form.hpp>
 #include <ise/naming/services.hpp>
 
@@ -15,8 +16,6 @@ namespace {
 
 using instantiation::restart_policy;
 using instantiation::restart_terms;
-
-constexpr std::size_t max_components = 256;
 
 class builder {
 public:
@@ -119,12 +118,14 @@ private:
         auto of = fmt::format("component '{}'", shown(from.key));
         auto& request = made.request;
         std::vector<value> listen, after;
+        auto space = name_space;
         form keys(of, problems_);
         keys.key("type", [&](const entry& one) { take_word(keys, one, made.type); });
         keys.key("host", [&](const entry& one) { take_word(keys, one, made.host); });
         keys.key("parameters", [&](const entry& one) { read_parameters(keys, one, made); });
         keys.texts("listen", listen)
             .texts("after", after)
+            .text("namespace", space)
             .text("process", request.process)
             .text("identity", request.identity)
             .text("user", request.user);
@@ -154,7 +155,7 @@ private:
         else if (!request.protocol.empty() && !listen.empty())
             wrong(from.at, fmt::format("{} has both 'protocol' and 'listen': choose one", of));
         request.type = made.type.text;
-        request.path = name_space.empty() ? from.key : name_space + "/" + from.key;
+        request.path = space.empty() ? from.key : space + "/" + from.key;
         request.deployment = made_.name.text;
         if (!naming::is_path(request.path) || request.path.size() > naming::max_path)
             wrong(from.at, fmt::format("'{}' is not a path of a component: write it like atirma/shore/xbee",
@@ -310,6 +311,7 @@ reading read_deployment(const std::string& file, const file_reader& read, const 
     auto root = load(file, read, result.problems);
     if (result.problems.empty()) { // what stands on what cannot be read says nothing new
         put_variables_in(root, given, result.problems);
+        make_copies(root, result.problems);
         result.made = builder(result.problems).build(root);
     }
     std::ranges::stable_sort(result.problems, {},

@@ -232,6 +232,24 @@ await check('the other boat is on the map and in the list, and has a page of its
   assert.match(await (await other.request.get(`${url}vela/track.gpx`)).text(), /<name>Vela<\/name>/);
   await other.context().close();
 });
+await check('while the past is shown, each boat of the fleet is where it was then', async () => {
+  const sizes = { viewport: { width: 1440, height: 900 }, colorScheme: 'light' };
+  const ago = minutes => new Date(Date.now() - minutes * 60000).toISOString().slice(0, 19) + 'Z';
+  const past = await open(sizes, `${url}#map=14/28.15300/-15.44000&t=${ago(30)}`);
+  const place_of = async () => { const box = await past.locator('.other-boat i').boundingBox(); return box && [box.x, box.y]; };
+  await past.waitForSelector('.other-boat i');
+  const [x, y] = await place_of();
+  await past.click('#live');
+  await until('it is at its anchorage', async () => { const now = await place_of(); return now && now[0] < x - 50 && now[1] > y + 50; });
+  await past.context().close();
+  const before = await open(sizes, `${url}#map=14/28.15300/-15.44000&t=${ago(60)}`);
+  await until('its track is there', async () => before.evaluate(() => performance.getEntriesByType('resource').some(one => /vela\/track\.json/.test(one.name) && one.responseEnd > 0)));
+  await before.click('#play'); // is drawn again and again
+  await before.click('#play');
+  assert.equal(await before.locator('.other-boat').count(), 0);
+  await shot(before, 'fleet-before');
+  await before.context().close();
+});
 await check('pointing at the track, a waypoint or, by a click, any place tells what is known of it, at once', async () => {
   const box = await desktop.locator('#map').boundingBox();
   const on_track = await desktop.evaluate(() => { // some point in the middle of the longest line

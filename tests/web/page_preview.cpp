@@ -1,7 +1,7 @@
 // The tracking page with a scripted boat on course T1, without any of the middleware.
 // page_preview [port [empty|ocean]]: prints "listening on URL", then obeys lines on stdin: silence, resume,
 // receiver off, receiver on, nodes off, nodes on, rough, estimate, close (the server stops listening), open,
-// quit. The end of stdin is quit too. A second boat, Vela, lies at anchor, unless `empty`. `ocean`: a track of 3000
+// quit. The end of stdin is quit too. A second boat, Vela, came 45 minutes ago and lies at anchor, unless `empty`. `ocean`: a track of 3000
 // fixes from the Canaries to the Caribbean by Iridium, every ten minutes, with an outage of two days.
 #include <components/web_server/assets.hpp>
 #include <components/web_server/downloads.hpp>
@@ -235,14 +235,14 @@ int main(int argc, char** argv) {
     };
 
     // An hour and a half of the past, then as time goes; or a boat that was never heard, until "resume".
-    auto moor = [&] {
-        auto at = wall_clock() - 2s;
+    auto vela_at = [&](atirma::utc_ms at, double latitude_deg, double longitude_deg) {
         vela.apply(atirma::position_update{.from = {at, at, "gprs", false},
-                                           .latitude_deg = 28.1505,
-                                           .longitude_deg = -15.4408,
+                                           .latitude_deg = latitude_deg,
+                                           .longitude_deg = longitude_deg,
                                            .speed_over_ground_mps = 0.1},
                    at);
     };
+    auto moor = [&] { vela_at(wall_clock() - 2s, 28.1505, -15.4408); };
     scripted_boat boat(state, wall_clock() - (empty || ocean ? 1s : 90min));
     if (ocean) cross(state, wall_clock());
     for (int step = 0; !empty && !ocean && boat.time() < wall_clock() - 4s; ++step) {
@@ -255,6 +255,7 @@ int main(int argc, char** argv) {
         boat.tell_course(publish);
         for (auto link : {"xbee", "gprs", "iridium"}) tell_feed(link, true, "");
         tell_feed("communication", true, "node-1, backed by node-2", false);
+        vela_at(wall_clock() - 45min, 28.1560, -15.4350); // from where it came to its anchorage
         moor();
     }
 

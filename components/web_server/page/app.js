@@ -5,6 +5,7 @@ import { Dial } from './dial.js';
 import { Chart } from './chart.js';
 import { Ask } from './ask.js';
 import { quantities, series } from './quantities.js';
+import { FleetPast } from './fleet.js';
 import { show_fleet, show_links } from './links.js';
 import { t, translate } from './text.js';
 import * as place from './place.js';
@@ -15,6 +16,7 @@ const set = (id, text) => { const node = $(id); if (node.textContent !== text) n
 const calm_ms = 1000; // between two drawings of what comes by itself
 
 const store = new Store();
+const fleet_past = new FleetPast(() => draw(true));
 let shown_at = place.time;    // null: live, else a time of the past
 let hovered_at = null;        // pointed at in a chart
 let lost_since = null;        // this page lost the server
@@ -135,7 +137,9 @@ function render() {
   map.show_boat({ fix: v.fix, heading: v.heading, course: v.course, speed: v.speed, wind_from: v.wind.true_direction_deg, target, past: v.past, time: shown_at, stale: stale && !v.past });
   const waypoints = JSON.stringify([s.waypoints?.points, s.waypoints?.active, u.preferences.lang]);
   if (waypoints !== drawn_waypoints) { drawn_waypoints = waypoints; map.show_waypoints(s.waypoints); }
-  if (store.boat_id) map.show_fleet(store.fleet, store.boat_id, now);
+  if (shown_at === null) fleet_past.forget();
+  const fleet = shown_at === null ? store.fleet : fleet_past.at(store.fleet, store.boat_id, shown_at);
+  if (store.boat_id) map.show_fleet(fleet, store.boat_id, shown_at ?? now);
   map.show_tiles(store.tiles);
   draw_track();
   render_timeline();

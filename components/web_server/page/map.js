@@ -190,8 +190,9 @@ export class BoatMap {
   /// The other boats, each a link to its page.
   show_fleet(boats, own, now) {
     for (const boat of boats) {
-      if (boat.id === own || !boat.position) continue;
+      if (boat.id === own) continue;
       let marker = this.#fleet.get(boat.id);
+      if (!boat.position) { marker?.remove(); this.#fleet.delete(boat.id); continue; }
       if (!marker) {
         const icon = L.divIcon({ className: 'other-boat', html: '<a tabindex="-1"><i></i><span></span></a>', iconSize: [0, 0] });
         marker = L.marker([0, 0], { icon, keyboard: false, interactive: true }).addTo(this.#map); // by keyboard: the list of boats

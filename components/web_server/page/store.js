@@ -260,7 +260,7 @@ async function ask(name) {
 }
 
 /// [scale, differences] into numbers.
-function unpack([scale, steps]) {
+export function unpack([scale, steps]) {
   let sum = 0;
   return steps.map(step => step === null ? null : (sum += step) / scale);
 }

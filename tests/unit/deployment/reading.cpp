@@ -52,6 +52,46 @@ grace = "9s"
     CHECK_THAT(at_sea(two + "[[defaults]]\nx=1\n").wrong(), Contains("a table of keys of components"));
 }
 
+TEST_CASE("a component with copies is there once for each number, and a namespace of its own is its path") {
+    auto fleet = files(R"(
+name = "atirma"
+[variables]
+boats = 1
+[hosts.boat]
+[components.boat]
+type = "t"
+[components."boat-{n}/boat"]
+copies = { first = 2, last = "${boats}" }
+namespace = ""
+type = "t"
+after = ["boat-{n}/shore"]
+parameters = { id = "boat-{n}", seed = "{n}", list = ["a-{n}"] }
+[components."boat-{n}/shore"]
+copies = { first = 2, last = "${boats}" }
+type = "t"
+)");
+    CHECK(fleet.made().components.size() == 1);
+    auto made = fleet.made({{"boats", "3"}});
+    REQUIRE(made.components.size() == 5);
+    const auto& last = made.components[2];
+    CHECK(last.name.text == "boat-3/boat");
+    CHECK(last.request.path == "boat-3/boat");
+    CHECK(made.components[4].request.path == "atirma/boat-3/shore");
+    REQUIRE(last.after->size() == 1);
+    CHECK(last.after->front().text == "boat-3/shore");
+    REQUIRE(last.parameters.size() == 3);
+    for (const auto& [name, values] : last.parameters)
+        CHECK(values.front().text == (name.text == "id" ? "boat-3" : name.text == "seed" ? "3" : "a-3"));
+
+    auto wrong = [](const std::string& key, const std::string& copies) {
+        return at_sea("[components." + key + "]\ntype='t'\nhost='boat'\ncopies = " + copies + "\n").wrong();
+    };
+    CHECK_THAT(wrong("'b{n}'", "3"), Contains("is a table of two whole numbers: { first = 2, last = 5 }"));
+    CHECK_THAT(wrong("'b{n}'", "{ first = 1, last = 'x' }"), Contains("two whole numbers"));
+    CHECK_THAT(wrong("'b{n}'", "{ first = 1, last = 1000000 }"), Contains("at most 256 of them, not 1 to 1000000"));
+    CHECK_THAT(wrong("b", "{ first = 1, last = 2 }"), Contains("has copies of one name: write {n} for the number"));
+}
+
 TEST_CASE("a deployment file says what runs where, with what") {
     auto made = files(R"(
 name = "atirma"
