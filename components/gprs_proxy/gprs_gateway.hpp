@@ -41,10 +41,11 @@ namespace services {
 inline constexpr ise::subscription<gprs_gateway_state> gprs_gateway{"gprs_gateway_state"};
 } // namespace services
 
-/// One address for the boats of a fleet: reads the login of each connection, which names the boat, and relays it to that
-/// boat's GPRS proxy, which listens on tcp for the gateway. It changes no byte: numbers, seal, receipts and telecommands
-/// are between a boat and its own proxy. Connections that name no boat, or one without a proxy, are closed and counted.
-/// Service: `gprs_gateway_state`. An endpoint that is neither tcp nor tls, or is taken, ends `run()` with an error.
+/// One address for the boats of a fleet: reads the login of each connection, which names the boat, and relays it to
+/// that boat's GPRS proxy, which listens on tcp for the gateway. It changes no byte: numbers, seal, receipts and
+/// telecommands are between a boat and its own proxy. Connections that name no boat, or one without a proxy, are closed
+/// and counted. Service: `gprs_gateway_state`. An endpoint that is neither tcp nor tls, or is taken, ends `run()` with
+/// an error.
 class gprs_gateway final : public ise::component {
 public:
     explicit gprs_gateway(gprs_gateway_options options = gprs_gateway_options());

@@ -1,8 +1,9 @@
 // The tracking page with a scripted boat on course T1, without any of the middleware.
 // page_preview [port [empty|ocean]]: prints "listening on URL", then obeys lines on stdin: silence, resume,
 // receiver off, receiver on, nodes off, nodes on, rough, estimate, close (the server stops listening), open,
-// quit. The end of stdin is quit too. A second boat, Vela, came 45 minutes ago and lies at anchor, unless `empty`. `ocean`: a track of 3000
-// fixes from the Canaries to the Caribbean by Iridium, every ten minutes, with an outage of two days.
+// quit. The end of stdin is quit too. A second boat, Vela, came 45 minutes ago and lies at anchor, unless `empty`.
+// `ocean`: a track of 3000 fixes from the Canaries to the Caribbean by Iridium, every ten minutes, with an outage of
+// two days.
 #include <components/web_server/assets.hpp>
 #include <components/web_server/downloads.hpp>
 #include <components/web_server/page_data.hpp>
