@@ -103,8 +103,9 @@ task<> play(context& in, play_options options) {
 // `ise` has no components of users: the program that has them replays.
 [[noreturn]] void replay_with(const play_options& options, std::vector<std::string> program) {
     if (program.empty())
-        throw problem(exit_code::usage, "usage", "--into sim: name the program that has the components",
-                      "such as: ise play voyage.mcap --into sim atirma communication-node --path atirma/shore/node-1");
+        throw problem(
+            exit_code::usage, "usage", "--into sim: name the program that has the components",
+            "such as: ise play voyage.mcap --into sim -- atirma communication-node --path atirma/shore/node-1");
     if (!options.renamed.empty() || !options.what.tested.empty() || options.what.speed != 1 || options.what.loop)
         throw problem(exit_code::usage, "usage",
                       "--into sim: components are tested under their own paths, once, as fast as possible",
@@ -136,9 +137,11 @@ void declare_play(CLI::App& app, parsed_command& made) {
                    "live: the running system; sim: components on the virtual clock, by `PROGRAM replay FILE ...`: the "
                    "program and its words follow (default: live)")
         ->check(CLI::IsMember({"live", "sim"}));
-    app.prefix_command();
-    app.callback([&app, &made, given] {
-        auto rest = app.remaining();
+    auto program = std::make_shared<std::vector<std::string>>();
+    app.add_option("PROGRAM", *program, "with --into sim: the program that has the components, and its words after --")
+        ->type_name("");
+    app.callback([&made, given, program] {
+        auto rest = *program;
         if (given->into == "sim") replay_with(*given, std::move(rest));
         if (!rest.empty())
             throw problem(exit_code::usage, "usage", fmt::format("'{}' is not expected", printable(rest.front())),
@@ -163,7 +166,7 @@ extern const command play_command{
     "  ise play voyage.mcap\n"
     "  ise play voyage.mcap --only atirma/boat --rename atirma/boat=replay/boat --speed 10\n"
     "  ise play voyage.mcap --test atirma/navigator\n"
-    "  ise play voyage.mcap --into sim atirma communication-node --path atirma/shore/node-1 --file memory:node\n",
+    "  ise play voyage.mcap --into sim -- atirma communication-node --path atirma/shore/node-1 --file memory:node\n",
     declare_play};
 
 } // namespace ise::cli

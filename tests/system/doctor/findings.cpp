@@ -250,9 +250,9 @@ TEST_CASE("trace on real processes: a call is followed from the command line thr
     auto called = ise_test::run_program(in.ise({"call", "ward/passes", "pass", R"({"milliseconds":1})"}, "120s"));
     CHECK(called.exit_code == 0);
     ::unsetenv("ISE_TRACES");
-    // Spans are written every second; a trace has four when all sides have written theirs.
+    // Spans are written every second; a trace has six, with the look for a name, when all sides have written theirs.
     std::string id;
-    for (std::size_t sides = 0; sides < 4;) {
+    for (std::size_t sides = 0; sides < 6;) {
         sides = 0;
         std::ifstream lines(file);
         std::string trace;
@@ -271,7 +271,7 @@ TEST_CASE("trace on real processes: a call is followed from the command line thr
     auto drawn = ise_test::run_program(in.ise({"trace", file.string(), "--id", id}, "120s"));
     CHECK(drawn.exit_code == 0);
     INFO(drawn.out);
-    CHECK_THAT(drawn.out, Contains("trace " + id) && Contains("4 spans"));
+    CHECK_THAT(drawn.out, Contains("trace " + id) && Contains("6 spans"));
     const auto pass = drawn.out.find("pass"), through = drawn.out.find("ward/passes"), nap = drawn.out.find("nap"),
                end = drawn.out.find("ward/slow");
     CHECK(pass < nap);
