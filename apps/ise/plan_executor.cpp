@@ -140,11 +140,17 @@ task<std::string> plan_executor::act(job& one) {
     }
     if (what.what == action::start) {
         auto server = there_.servers.at(what.server);
-        auto request = what.request;
-        auto response = co_await server.try_call(host_services::start, std::move(request), limit_of(what));
-        if (!response) throw failed_at(what.what, what.path, what.server, response.error());
-        auto instance = started(*response);
-        co_return ready_text(instance, began);
+        for (;;) {
+            auto request = what.request;
+            auto response = co_await server.try_call(host_services::start, std::move(request), limit_of(what));
+            if (!response) throw failed_at(what.what, what.path, what.server, response.error());
+            auto later = room_in(*response);
+            if (later == duration{}) {
+                auto instance = started(*response);
+                co_return ready_text(instance, began);
+            }
+            co_await in_.self.sleep(later);
+        }
     }
     auto result = co_await change_to(what.server, what.request, 0);
     auto instance = started(result.outcome);
@@ -152,6 +158,12 @@ task<std::string> plan_executor::act(job& one) {
     one.undo = result.undo;
     if (result.way == instantiation::change_way::restarted) co_return ready_text(instance, began);
     co_return std::string("changed while it runs");
+}
+
+// A server starts so many within a time: a system that has more waits, as long as the command may take.
+duration plan_executor::room_in(const instantiation::start_response& response) const {
+    const bool waits = response.outcome == instantiation::start_outcome::too_many && response.retry_after < in_.left();
+    return waits ? response.retry_after : duration{};
 }
 
 // What is being stopped or changed comes to its end; what is being started is given up, which ends it.
@@ -238,9 +250,14 @@ task<instantiation::change_response> plan_executor::change_to(std::string server
     auto path = to.path;
     request.to = std::move(to);
     request.undo = undo;
-    auto response = co_await who.try_call(host_services::change, std::move(request), std::min(limit, in_.left()));
-    if (!response) throw failed_at(action::change, path, server, response.error());
-    co_return std::move(*response);
+    for (;;) {
+        auto copy = request;
+        auto response = co_await who.try_call(host_services::change, std::move(copy), std::min(limit, in_.left()));
+        if (!response) throw failed_at(action::change, path, server, response.error());
+        auto later = room_in(response->outcome);
+        if (later == duration{}) co_return std::move(*response);
+        co_await in_.self.sleep(later);
+    }
 }
 
 task<instantiation::ended_response> plan_executor::stop(std::string server, std::string path, bool forget) {

@@ -71,6 +71,7 @@ private:
                                                    std::uint64_t undo);
     task<instantiation::ended_response> stop(std::string server, std::string path, bool forget);
     duration limit_of(const deployment::step& what) const;
+    duration room_in(const instantiation::start_response& response) const;
     std::string ready_text(const instantiation::instance_info& what, time_point began) const;
     task<> tell(std::size_t number, std::string state, std::string outcome);
     task<> say(std::string text);

@@ -57,7 +57,7 @@ task<change_response> changes::change(change_request what, const verified_peer* 
     } catch (const error& why) {
         if (why.code() == errc::access_denied || why.code() == errc::refused)
             throw; // there is no such instance, or it has something against it
-        refused.outcome = refusal(why);
+        refused.outcome = starting_.refused(why);
     }
     co_return refused;
 }

@@ -134,9 +134,10 @@ enum class start_outcome : std::uint8_t {
 
 struct start_response {
     start_outcome outcome = start_outcome::ready;
-    std::string why;       ///< unless it is ready
-    std::string output;    ///< the last lines that it printed, where it was launched and did not become ready
-    instance_info started; ///< as it is now; without a path where nothing came of it
+    std::string why;        ///< unless it is ready
+    std::string output;     ///< the last lines that it printed, where it was launched and did not become ready
+    instance_info started;  ///< as it is now; without a path where nothing came of it
+    duration retry_after{}; ///< `too_many`: when there is room for another start; 0: waiting does not help
 };
 
 struct instances_request {

@@ -15,15 +15,15 @@ constexpr std::size_t shown_lines = 12;
 } // namespace
 
 task<start_response> starts::start(start_request request, const verified_peer* by) {
-    start_response refused;
+    start_response instead;
     try {
         auto response = co_await begin(std::move(request), by);
         co_return response;
     } catch (const error& why) {
         if (why.code() == errc::access_denied) throw;
-        refused = refusal(why);
+        instead = refused(why);
     }
-    co_return refused;
+    co_return instead;
 }
 
 task<start_response> starts::begin(start_request request, const verified_peer* by) {
@@ -47,14 +47,14 @@ task<start_response> starts::begin(start_request request, const verified_peer* b
 
 task<start_response> starts::restart(std::string path) {
     auto one = table_.at(path);
-    start_response refused;
+    start_response instead;
     try {
         auto response = co_await begin_again(one);
         co_return response;
     } catch (const error& why) {
-        refused = refusal(why);
+        instead = refused(why);
     }
-    co_return refused;
+    co_return instead;
 }
 
 task<start_response> starts::begin_again(instance_ptr one) {
@@ -121,6 +121,14 @@ void starts::check_rate() {
                     fmt::format("{} components were started within {:g} s, which is the limit: try again soon",
                                 recent_.size(), std::chrono::duration<double>(here_.options.starts_window).count()));
     recent_.push_back(here_.self.now());
+}
+
+start_response starts::refused(const error& why) const {
+    auto made = refusal(why);
+    if (made.outcome == start_outcome::too_many && recent_.size() >= here_.options.max_starts)
+        made.retry_after = std::max(duration{}, recent_.front() + here_.options.starts_window - here_.self.now()) +
+                           std::chrono::milliseconds(1);
+    return made;
 }
 
 task<ended_response> starts::end(stop_request how, bool at_once) {

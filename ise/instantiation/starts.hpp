@@ -26,6 +26,8 @@ public:
     task<start_response> until_ready(instance_ptr one);
     /// Counts a start. Throws errc::overloaded where there were too many.
     void check_rate();
+    /// What is answered in place of an instance. Where too many were started, with the time until there is room.
+    start_response refused(const error& why) const;
 
 private:
     task<start_response> begin(start_request request, const verified_peer* by);
