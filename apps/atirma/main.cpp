@@ -192,7 +192,7 @@ int obey(int count, char** words) {
     replays->add_option("--out", replaying.out, "a recording of what the components do now");
     add_log_level(*replays, replaying.level);
     replays->require_subcommand(1, 0);
-    atirma::add_components(*replays, wanted, [&] { return atirma::component_types(say); });
+    atirma::add_components(*replays, wanted, [] { return atirma::component_types(say); });
     replays->footer(
         "The components are those of `atirma run`, under the paths of the recording. Files of stores are real: give "
         "new ones, or memory:NAME.\n"
