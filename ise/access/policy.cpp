@@ -47,6 +47,7 @@ constexpr own_service known_services[] = {
     {"ise.names.role", action::look_up},
     {"ise.names.watch", action::look_up},
     {"ise.names.withdraw", action::look_up},
+    {"ise.parameter_changes", action::read},
     {"ise.parameters", action::read},
 };
 

@@ -60,7 +60,8 @@ const std::vector<std::string> node = {"atirma/shore/node", "atirma/communicatio
                                air = {"atirma/air"}, carrier = {"atirma/carrier"}, modem = {"atirma/modem"},
                                gateway = {"atirma/gateway"}, bridge = {"atirma/bridge"}, page = {"atirma/page"},
                                names = {"ise/name_server"}, host = {"ise/host/shore"}, recorder = {"atirma/recorder"},
-                               foxglove = {"atirma/foxglove"}, process = {""}; // a process host has no path
+                               foxglove = {"atirma/foxglove"}, fleet = {"atirma/gprs"},
+                               process = {""}; // a process host has no path
 
 const std::vector<row>& matrix() {
     static const std::vector<row> all = {
@@ -107,6 +108,7 @@ const std::vector<row>& matrix() {
         {recorder, false, "status", ""},
         {foxglove, false, "status", ""},
         {foxglove, true, "published", ""},
+        {fleet, true, "gprs_gateway_state", ""}, // of apps/atirma/fleet.toml
         // Of ISE itself; what every component has comes below.
         {names, false, "ise.names.register", "wosb"},
         {names, false, "ise.names.renew", "wosb"},
@@ -159,7 +161,8 @@ std::vector<row> own_rows() {
         made.push_back({one.titles, false, "ise.describe", one.describe});
         for (const char* service : {"ise.health", "ise.parameters", "ise.access"})
             made.push_back({one.titles, false, service, one.read});
-        made.push_back({one.titles, true, "ise.calls", one.read});
+        for (const char* service : {"ise.calls", "ise.parameter_changes"})
+            made.push_back({one.titles, true, service, one.read});
         made.push_back({one.titles, false, "ise.change_parameters", one.set});
     }
     return made;
