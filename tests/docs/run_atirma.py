@@ -98,7 +98,7 @@ def look(folder, env, names, page):
         return done.stdout
 
     running = json.loads(ise("ps", "--json"))
-    expect("all components are ready", len(running) == 11 and all(one["state"] == "ready" for one in running), running)
+    expect("all components are ready", len(running) == 12 and all(one["state"] == "ready" for one in running), running)
     listed = json.loads(ise("list", "--json"))
     expect("and all talk over TLS", all(at.startswith("tls://") for one in listed for at in one["endpoints"]), listed)
     policies = json.loads(ise("access", "list", "--json"))
