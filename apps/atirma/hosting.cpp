@@ -115,16 +115,16 @@ void add_components(CLI::App& run, std::vector<hosted>& into, const ise::type_ma
             add_parameter(*sub, declared, one->given[declared.name]);
         sub->final_callback([one, &into, types] {
             for (std::size_t number = 1; number <= one->boats; ++number) {
-                auto type = type_named(one->type.about.name, types);
-                set_values(type, one->boats > 1 ? values_of(type, one->given, number) : one->given);
+                auto own = type_named(one->type.about.name, types);
+                set_values(own, one->boats > 1 ? values_of(type, one->given, number) : one->given);
                 auto made = one->made;
                 if (one->boats > 1) {
                     auto boat = boat_name(number);
                     made.path = of_boat(made.path, boat);
                     for (auto& role : made.roles) role = of_boat(role, boat);
                 }
-                made.make = type.make;
-                made.parameters = type.live();
+                made.make = own.make;
+                made.parameters = own.live();
                 into.push_back(std::move(made));
             }
         });

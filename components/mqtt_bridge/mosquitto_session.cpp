@@ -117,9 +117,7 @@ public:
         auto begin = [raw] { return raw->begin(); };
         int code = co_await self.offload(std::move(begin));
         if (code != MOSQ_ERR_SUCCESS)
-            co_return failure(errc::unreachable,
-                              fmt::format("{}: {}", raw->server_,
-                                          code == MOSQ_ERR_ERRNO ? std::strerror(raw->errno_) : raw->words(code)));
+            co_return failure(errc::unreachable, fmt::format("{}: {}", raw->server_, raw->trouble(code, raw->errno_)));
         if (auto watched = raw->watch_socket(self.get_executor()); !watched) co_return watched.error();
         bool late = false;
         timer alarm(self.on(), [&] {
@@ -325,12 +323,17 @@ private:
         want();
     }
     void ended(int code) {
-        std::string why = code == MOSQ_ERR_ERRNO ? std::strerror(errno) : words(code);
+        close(failure(accepted_ ? errc::peer_lost : errc::unreachable,
+                      fmt::format("{}: {}", server_, trouble(code, errno))));
+    }
+    /// `number`: the errno of that time. TLS may fail while connecting already.
+    std::string trouble(int code, int number) const {
+        std::string why = code == MOSQ_ERR_ERRNO ? std::strerror(number) : words(code);
         if (!tls_trouble_.empty() || code == MOSQ_ERR_TLS)
             why += fmt::format(" ({}: is the broker's certificate signed by --ca-file and made for this name, and does "
                                "it accept --certificate?)",
                                tls_trouble_.empty() ? "TLS" : tls_trouble_);
-        close(failure(accepted_ ? errc::peer_lost : errc::unreachable, fmt::format("{}: {}", server_, why)));
+        return why;
     }
 
     void close(failure why) {

@@ -2,6 +2,7 @@
 #include <support/catch.hpp>
 #include <support/program.hpp>
 
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -15,13 +16,17 @@ namespace radio_keys_test {
 using Catch::Contains;
 
 struct folder {
-    folder() { std::filesystem::create_directories(path); }
+    folder() {
+        // Tests that run at once may all be process 2 of a namespace of their own.
+        auto name = (std::filesystem::temp_directory_path() / "ise-radio-keys-XXXXXX").string();
+        REQUIRE(::mkdtemp(name.data()));
+        path = name;
+    }
     ~folder() { std::filesystem::remove_all(path); }
     folder(const folder&) = delete;
     folder& operator=(const folder&) = delete;
     std::string file(const std::string& name) const { return (path / name).string(); }
-    std::filesystem::path path =
-        std::filesystem::temp_directory_path() / ("ise-radio-keys-" + std::to_string(::getpid()));
+    std::filesystem::path path;
 };
 
 std::string text_of(const std::string& file) {

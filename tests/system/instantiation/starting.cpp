@@ -41,7 +41,7 @@ TEST_CASE("the types that can be started are told with their parameters") {
     here.install("atirma");
     here.open();
     CHECK(here.ise({"start", "--types", "--names"}).out ==
-          "boat-simulator\ncommunication-node\nfoxglove-boat\ngprs-link\ngprs-proxy\niridium-gateway\niridium-"
+          "boat-simulator\ncommunication-node\nfoxglove-boat\ngprs-gateway\ngprs-link\ngprs-proxy\niridium-gateway\niridium-"
           "modem\niridium-proxy\n"
           "nmea-bridge\ntrouble\nweb-server\nxbee-link\nxbee-proxy\n");
     auto page = here.ise({"start", "--types", "boat-simulator"});
