@@ -116,7 +116,7 @@ void add_components(CLI::App& run, std::vector<hosted>& into, const ise::type_ma
         sub->final_callback([one, &into, types] {
             for (std::size_t number = 1; number <= one->boats; ++number) {
                 auto own = type_named(one->type.about.name, types);
-                set_values(own, one->boats > 1 ? values_of(type, one->given, number) : one->given);
+                set_values(own, one->boats > 1 ? values_of(own, one->given, number) : one->given);
                 auto made = one->made;
                 if (one->boats > 1) {
                     auto boat = boat_name(number);
