@@ -182,7 +182,7 @@ int obey(int count, char** words) {
     replays->add_option("recording", replaying.file, "a file of `ise record`")->required();
     replays
         ->add_option("--ignore", replaying.ignored,
-                     "a field that is not compared: store, telemetry/store for one service, communication/* for all of "
+                     "a field that is not compared: store, telemetry/store for one service, communication_state/* for all of "
                      "a service; may be given several times")
         ->allow_extra_args(false);
     replays

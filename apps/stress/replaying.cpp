@@ -19,7 +19,7 @@ ise::replay_report replay_nodes(const std::string& file, const std::string& out,
     options.out = out;
     options.log = std::move(log);
     // Numbers of stores are drawn at random; the state of a node has times and counts of its own life.
-    options.ignored = {"store", "peer_store", "seen", "communication/*"};
+    options.ignored = {"store", "peer_store", "seen", "at", "asked_at", "communication_state/*"};
     for (int which = 1; which <= 2; ++which) {
         communication_node_options node;
         node.file = disks + std::to_string(which);

@@ -80,7 +80,8 @@ std::string difference::text() const {
 bool ignored_fields::has(const std::string& service, const std::string& field) const {
     return std::ranges::any_of(fields_, [&](const std::string& one) {
         const auto slash = one.find('/');
-        return slash == one.npos ? one == field : one == service + "/" + field;
+        if (slash != one.npos) return one == service + "/" + field;
+        return field == one || field.ends_with("." + one);
     });
 }
 

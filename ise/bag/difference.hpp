@@ -33,7 +33,8 @@ struct field_difference {
 };
 
 /// Fields that are not compared, for what differs from run to run, such as random numbers and times of arrival: "store"
-/// or "links.last_heard" of every packet, "telemetry/store" of one service. List positions are left out.
+/// or "links.last_heard" of every packet and of every packet in it, "telemetry/store" of one service, where it stands
+/// there. List positions are left out.
 class ignored_fields {
 public:
     ignored_fields() = default;

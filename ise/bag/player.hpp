@@ -25,7 +25,7 @@ struct player_options {
     /// Components that are there, and are not played: recorded calls to them are made at their times, and what they
     /// answer and publish is compared with the recording. Calls of one of them to another are not made.
     std::vector<std::string> tested;
-    /// Not compared: fields (`ignored_fields`), or all of a service ("communication/*").
+    /// Not compared: fields (`ignored_fields`), or all of a service ("communication_state/*").
     std::vector<std::string> ignored;
     double speed = 1;             ///< 2: twice as fast
     std::vector<endpoint> listen; ///< of each played component; none: as every component

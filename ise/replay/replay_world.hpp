@@ -31,7 +31,7 @@ struct replayed_component {
 struct replay_options {
     std::vector<replayed_component> components; ///< at least one
     /// What is not compared: fields that differ from run to run, such as random numbers: "store" or "links.last_heard"
-    /// of every packet, "telemetry/store" of one service, "communication/*" for all of a service.
+    /// of every packet, "telemetry/store" of one service, "communication_state/*" for all of a service.
     std::vector<std::string> ignored;
     std::vector<std::string> only;                ///< components and topics that are played and compared; none: all
     std::string out;                              ///< a recording of what the components did now; empty: none
