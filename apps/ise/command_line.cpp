@@ -104,7 +104,8 @@ void add_common_options(CLI::App& app, settings& set) {
                    "the path under which this command appears to components, such as an operator's; not checked")
         ->type_name("PATH");
     add_time(app, "--timeout", set.timeout, "for the whole command, or its first answer (default: 5s)");
-    app.add_flag("--wait", set.wait, "wait for a component that is not there yet, until the timeout");
+    app.add_flag("--wait", set.wait,
+                 "wait for a component or an instantiation server that is not there yet, until the timeout");
     app.add_flag("--json", set.json, "answers, errors and notes as one line of JSON each");
     app.add_flag("--pretty", set.pretty, "JSON over several lines");
     app.add_flag("--verbose", set.verbose, "log to standard error");

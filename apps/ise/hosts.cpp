@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 namespace ise::cli {
 namespace {
 
@@ -20,6 +22,10 @@ std::vector<std::string> names_of(const std::vector<naming::listed_name>& listed
     std::vector<std::string> names;
     for (const auto& one : listed) names.push_back(host_name_of(one.path));
     return names;
+}
+
+bool has_host(const std::vector<naming::listed_name>& listed, const std::string& name) {
+    return std::ranges::any_of(listed, [&](const auto& one) { return name.empty() || host_name_of(one.path) == name; });
 }
 
 // A name server that has just started learns from those who are there; until then it knows a part of the system only.
@@ -55,7 +61,12 @@ std::string as_sentence(const std::string& host, const instantiation::instance_i
 } // namespace
 
 task<std::vector<host_server>> hosts_there(context& in, std::string name) {
+    constexpr duration look_again = 100ms;
     auto listed = co_await listed_hosts(in);
+    while (in.set.wait && !has_host(listed, name) && in.left() > look_again) { // one that is just starting
+        co_await in.self.sleep(look_again);
+        listed = co_await listed_names(in, std::string(hosts_path));
+    }
     if (listed.empty())
         throw problem(exit_code::not_reached, "no_such_name", "no instantiation server is registered",
                       "start one on each host: ise_instantiation_server --programs FOLDER");
@@ -71,8 +82,8 @@ task<std::vector<host_server>> hosts_there(context& in, std::string name) {
 }
 
 task<host_server> host_to_use(context& in, std::string name) {
-    auto listed = co_await listed_names(in, std::string(hosts_path));
     auto there = co_await hosts_there(in, name);
+    auto listed = co_await listed_names(in, std::string(hosts_path));
     if (there.size() == 1) co_return there.front();
     std::vector<std::string> mine;
     for (const auto& one : listed)
