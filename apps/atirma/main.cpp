@@ -181,9 +181,10 @@ int obey(int count, char** words) {
                                                  "the first thing that they do otherwise");
     replays->add_option("recording", replaying.file, "a file of `ise record`")->required();
     replays
-        ->add_option("--ignore", replaying.ignored,
-                     "a field that is not compared: store, telemetry/store for one service, communication_state/* for all of "
-                     "a service; may be given several times")
+        ->add_option(
+            "--ignore", replaying.ignored,
+            "a field that is not compared: store, telemetry/store for one service, communication_state/* for all of "
+            "a service; may be given several times")
         ->allow_extra_args(false);
     replays
         ->add_option("--only", replaying.only,

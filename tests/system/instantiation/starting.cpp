@@ -40,10 +40,10 @@ TEST_CASE("the types that can be started are told with their parameters") {
     host here;
     here.install("atirma");
     here.open();
-    CHECK(here.ise({"start", "--types", "--names"}).out ==
-          "boat-simulator\ncommunication-node\nfoxglove-boat\ngprs-gateway\ngprs-link\ngprs-proxy\niridium-gateway\niridium-"
-          "modem\niridium-proxy\n"
-          "nmea-bridge\ntrouble\nweb-server\nxbee-link\nxbee-proxy\n");
+    CHECK(here.ise({"start", "--types", "--names"}).out == "boat-simulator\ncommunication-node\nfoxglove-boat\ngprs-"
+                                                           "gateway\ngprs-link\ngprs-proxy\niridium-gateway\niridium-"
+                                                           "modem\niridium-proxy\n"
+                                                           "nmea-bridge\ntrouble\nweb-server\nxbee-link\nxbee-proxy\n");
     auto page = here.ise({"start", "--types", "boat-simulator"});
     CHECK_THAT(page.out, Contains("a boat that sails") && Contains("wind-speed") &&
                              Contains("a number from 0 to 40 (m/s)") && Contains("one of T1, T2, none") &&
