@@ -46,15 +46,16 @@ set(CPACK_DEBIAN_ATIRMA_PACKAGE_NAME atirma)
 set(CPACK_DEBIAN_ATIRMA_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_ATIRMA_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_ATIRMA_PACKAGE_DEPENDS "ise-tools (= ${PROJECT_VERSION}-${CPACK_DEBIAN_PACKAGE_RELEASE})")
-set(CPACK_DEBIAN_ATIRMA_DESCRIPTION "Shore side of the autonomous sailboat A-Tirma: proxies of its links by radio,
-GPRS and Iridium, communication nodes, tracking page, and a simulated boat.")
+set(CPACK_DEBIAN_ATIRMA_DESCRIPTION "Shore side of the autonomous sailboat A-Tirma.
+Proxies of its links by radio, GPRS and Iridium, communication nodes, tracking
+page, and a simulated boat.")
 
 set(CPACK_DEBIAN_CONSOLE_PACKAGE_NAME atirma-console)
 set(CPACK_DEBIAN_CONSOLE_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_CONSOLE_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_CONSOLE_PACKAGE_DEPENDS fonts-dejavu-core)
-set(CPACK_DEBIAN_CONSOLE_DESCRIPTION "Operator's console of the autonomous sailboat A-Tirma: chart, telemetry, missions,
-telecommands and alarms.")
+set(CPACK_DEBIAN_CONSOLE_DESCRIPTION "Operator's console of the autonomous sailboat A-Tirma.
+Chart, telemetry, missions, telecommands and alarms in windows.")
 
 # Services run as users of their own, which the packages make; nothing is enabled or started by installing.
 set(CPACK_DEBIAN_TOOLS_PACKAGE_CONTROL_EXTRA "${PROJECT_BINARY_DIR}/package/ise-tools/postinst")
