@@ -1,13 +1,12 @@
 #include <ise/bag/difference.hpp>
 
-#include <ise/core/time.hpp>
+#include <ise/packet/detail/text_forms.hpp>
 #include <ise/packet/json.hpp>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
-#include <chrono>
 #include <utility>
 
 namespace ise::bag {
@@ -17,15 +16,12 @@ using json = nlohmann::ordered_json; // fields in the order of the packet
 
 // ISO 8601, in UTC.
 std::string utc_text(timestamp at) {
-    using namespace std::chrono;
-    const auto when = sys_time<nanoseconds>(nanoseconds(static_cast<std::int64_t>(at)));
-    const auto day = floor<days>(when);
-    const year_month_day date(day);
-    const auto rest = (when - day).count();
-    constexpr std::int64_t second = 1'000'000'000;
-    return fmt::format("{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:09}Z", static_cast<int>(date.year()),
-                       static_cast<unsigned>(date.month()), static_cast<unsigned>(date.day()), rest / second / 3600,
-                       rest / second / 60 % 60, rest / second % 60, rest % second);
+    type_description nanoseconds;
+    nanoseconds.kind = type_kind::instant;
+    nanoseconds.period_den = 1'000'000'000;
+    std::string quoted;
+    detail::append_json_time(quoted, nanoseconds, static_cast<std::int64_t>(at));
+    return quoted.substr(1, quoted.size() - 2);
 }
 
 struct comparison {

@@ -1,6 +1,6 @@
 #include <ise/component/observing.hpp>
 
-#include <nlohmann/json.hpp>
+#include <ise/packet/detail/text_forms.hpp>
 
 #include <fmt/format.h>
 
@@ -26,15 +26,9 @@ void append_hex(std::string& to, std::uint64_t id) {
     to.append(digits, sizeof digits);
 }
 
-void append_json(std::string& to, std::string_view text) {
-    auto plain = [](char letter) { return letter >= ' ' && letter <= '~' && letter != '"' && letter != '\\'; };
-    if (std::ranges::all_of(text, plain)) to.append(1, '"').append(text).append(1, '"');
-    else to += nlohmann::json(text).dump(-1, ' ', true, nlohmann::json::error_handler_t::replace);
-}
-
 void append_attribute(std::string& to, std::string_view name, std::string_view text) {
     to.append(R"({"key":")").append(name).append(R"(","value":{"stringValue":)");
-    append_json(to, text);
+    append_json_string(to, text);
     to += "}}";
 }
 
@@ -51,7 +45,7 @@ void append_span(std::string& to, const span& one, duration wall_ahead) {
         append_hex(to, one.in.parent);
     }
     to += R"(","name":)";
-    append_json(to, one.service);
+    append_json_string(to, one.service);
     to += client ? R"(,"kind":3,"startTimeUnixNano":")" : R"(,"kind":2,"startTimeUnixNano":")";
     append_number(to, began);
     to += R"(","endTimeUnixNano":")";
@@ -67,7 +61,7 @@ void append_span(std::string& to, const span& one, duration wall_ahead) {
     to += ',';
     append_attribute(to, "error.type", name_of(one.outcome));
     to += R"(],"status":{"code":2,"message":)";
-    append_json(to, name_of(one.outcome));
+    append_json_string(to, name_of(one.outcome));
     to += "}}";
 }
 

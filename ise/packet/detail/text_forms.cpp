@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <chrono>
@@ -178,8 +179,13 @@ bool is_utf8(std::string_view text) noexcept {
 }
 
 void append_json_string(std::string& out, std::string_view text) {
+    auto plain = [](char c) { return c >= ' ' && c <= '~' && c != '"' && c != '\\'; };
     out += '"';
     while (!text.empty()) {
+        auto run = static_cast<std::size_t>(std::ranges::find_if_not(text, plain) - text.begin());
+        out += text.substr(0, run);
+        text.remove_prefix(run);
+        if (text.empty()) break;
         std::size_t length = sequence_length(text);
         char c = text[0];
         if (length == 0) out += "\xef\xbf\xbd";
