@@ -96,7 +96,7 @@ described_service describe_one(const service_info& one) {
     return made;
 }
 
-// What the session with it has verified.
+// The identity that the session with it has verified.
 std::string identity_there(component& self, const component_info& about) {
     for (const auto& [raw, held] : self.services().sessions())
         if (held->peer().incarnation == about.incarnation) return held->verified().who;

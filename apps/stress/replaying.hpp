@@ -6,7 +6,7 @@
 namespace atirma::stress {
 
 /// Replays the recording of a voyage into its two communication nodes, with empty stores: `voyage_options::record`.
-/// What else was there, from the proxies to the consoles, is played. `out`: a recording of what the nodes did now;
+/// The other components, from the proxies to the consoles, are played. `out`: a recording of what the nodes did now;
 /// empty: none. Errors as of `replay_world::play`.
 ise::replay_report replay_nodes(const std::string& file, const std::string& out, ise::log_sink log = {});
 

@@ -1,4 +1,4 @@
-// What an access policy of 200 rules costs where it is asked: once for a session and a service, and for all sessions
+// The cost of an access policy of 200 rules where it is asked: once for a session and a service, and for all sessions
 // when it changes. No session, no file: `bench/security` measures calls.
 #include "support/report.hpp"
 

@@ -10,7 +10,7 @@ from conan.tools.cmake import CMake, CMakeDeps, CMakeToolchain, cmake_layout
 from conan.tools.files import copy, load
 
 required_conan_version = ">=2.0"
-# What the library is made of; neither tests nor the boat.
+# The sources of the library, without tests and without the boat.
 SOURCES = ("CMakeLists.txt", "LICENSE", "cmake/*", "docs/CMakeLists.txt", "docs/Doxyfile.in", "ise/*", "tests/lint/*.py")
 
 

@@ -7,7 +7,7 @@
 
 namespace atirma {
 
-/// What a link may cost, in the unit that its operator charges (Iridium: credits; GPRS: bytes), and what is left. Days
+/// The budget of a link, in the unit that its operator charges (Iridium: credits; GPRS: bytes), and what is left. Days
 /// and months are those of UTC. A missing value: unlimited.
 struct link_budget {
     std::optional<std::uint64_t> daily;

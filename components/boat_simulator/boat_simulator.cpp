@@ -329,7 +329,7 @@ scene boat_simulator::set_scene(const scene_request& request) {
     return result;
 }
 
-/// What the remote control holds after that request.
+/// The state of the remote control after that request.
 std::optional<simulator::remote_helm> boat_simulator::helm_of(const scene_request& request) const {
     auto helm = boat_->remote_control();
     if (request.remote_control == false) helm.reset();

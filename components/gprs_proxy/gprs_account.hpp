@@ -8,7 +8,7 @@
 
 namespace atirma {
 
-/// What the boat's mobile contract is charged for, by day and month of UTC, in a file that survives the proxy. Charged
+/// Charges of the boat's mobile contract, by day and month of UTC, in a file that survives the proxy. Charged
 /// are the bytes of what passes and an estimate of what is around it: headers of IP, TCP and UDP, acknowledgements of
 /// TCP, and the packets that open and close a connection. Without I/O but for `open` and `keep`.
 class gprs_account {

@@ -20,7 +20,7 @@ struct gprs_call {
     std::string from; ///< its address: "tcp://10.64.0.9:40112"
     utc_time since{};
 };
-/// What the gateway does, every two seconds.
+/// State of the gateway, published every two seconds.
 struct gprs_gateway_state {
     std::vector<std::string> listening; ///< endpoints that the boats can call
     std::vector<gprs_call> calls;

@@ -1,4 +1,4 @@
-// What the boat's mobile contract is charged for, and what happens when its budget is spent.
+// Charges of the boat's mobile contract, and its behaviour when the budget is spent.
 #include "quay.hpp"
 
 #include <components/storage/database.hpp>
