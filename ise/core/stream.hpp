@@ -20,6 +20,19 @@ struct transfer {
     std::size_t bytes = 0;   ///< transferred before that
 };
 
+/// Takes the bytes of a stream as they arrive, without a coroutine that waits for them.
+class stream_reader {
+public:
+    /// Memory for the next bytes. Empty: it takes no more.
+    virtual asio::mutable_buffer room() noexcept = 0;
+    /// They are in it; or the end of the stream, or its error, after which nothing is delivered. Called inside a turn of
+    /// the loop. May close the stream, and does not destroy it.
+    virtual void on_bytes(const transfer& got) = 0;
+
+protected:
+    ~stream_reader() = default;
+};
+
 /// A reliable byte stream: tcp, local, in-process, a serial line, or a virtual equivalent. Used on one loop.
 ///
 /// At most one read and one wait for writability may be pending. Destroying or closing it completes them with
@@ -30,6 +43,11 @@ public:
 
     /// Waits for at least one byte. End of stream is `asio::error::eof`. Cancellation: terminal, no data are lost.
     virtual task<transfer> read_some(asio::mutable_buffer into) = 0;
+
+    /// From now on `reader`, which lives as long as the stream is open, gets what arrives; `read_some` only completes
+    /// when the stream is closed. Called inside a turn of the loop, and never delivers within the call. False: this stream
+    /// is read by `read_some`.
+    virtual bool deliver_to([[maybe_unused]] stream_reader& reader) { return false; }
 
     /// Writes as much as possible without waiting: `asio::error::would_block` if that is nothing.
     virtual transfer try_write(std::span<const asio::const_buffer> from) = 0;

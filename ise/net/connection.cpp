@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <new>
 
 namespace ise::net {
 namespace {
@@ -58,14 +59,14 @@ void connection::start(task_scope& scope, std::weak_ptr<user> receiver) {
 }
 
 // The parameter keeps the connection for the coroutine's whole life. The frame is what an idle connection mostly is:
-// whatever needs none stays out of it.
+// whatever needs none stays out of it. Where the transport delivers to the connection, this only waits for the end.
 task<> connection::read([[maybe_unused]] std::shared_ptr<connection> held) {
     bool more = begin_to_take();
     while (more && open()) {
-        auto room = parser_.prepare();
+        auto into = room();
         transfer got;
         try {
-            got = co_await transport_->read_some(asio::buffer(room.data(), room.size()));
+            got = co_await transport_->read_some(into);
         } catch (const std::exception& cancelled) {
             got.problem = asio::error::operation_aborted;
         }
@@ -74,12 +75,23 @@ task<> connection::read([[maybe_unused]] std::shared_ptr<connection> held) {
     report_end();
 }
 
+asio::mutable_buffer connection::room() noexcept {
+    try {
+        auto found = parser_.prepare();
+        return asio::buffer(found.data(), found.size());
+    } catch (const std::bad_alloc&) {
+        close(failure(errc::overloaded, fmt::format("{}: there is no memory for what it sends", peer_name())));
+        return {};
+    }
+}
+
 // What came with the handshake.
 bool connection::begin_to_take() {
     loop::turn in(on_);
     take_frames();
     if (open() && objects_) objects_->use(*this);
     if (open() && datagrams_) datagrams_->use(std::shared_ptr<datagram_stream::user>(shared_from_this(), this));
+    if (open()) transport_->deliver_to(*this);
     return open();
 }
 

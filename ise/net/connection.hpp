@@ -59,6 +59,7 @@ struct session_terms {
 /// lies; the reader only waits for the end.
 class connection final : public std::enable_shared_from_this<connection>,
                          public flushable,
+                         private stream_reader,
                          public datagram_stream::user,
                          public object_stream::user {
 public:
@@ -158,6 +159,8 @@ private:
     // Two locked instructions less than a lock.
     user* receiver() const noexcept { return user_.expired() ? nullptr : known_user_; }
     bool begin_to_take();
+    asio::mutable_buffer room() noexcept override;
+    void on_bytes(const transfer& got) override { take_read(got); }
     bool take_read(const transfer& got);
     void end_for_read(const std::error_code& problem);
     task<> write(std::shared_ptr<connection> held);

@@ -74,7 +74,7 @@ task<std::pair<std::error_code, std::unique_ptr<stream>>> socket_stream::connect
 task<transfer> socket_stream::read_some(asio::mutable_buffer into) {
     if (!fd_open()) co_return transfer{asio::error::operation_aborted, 0};
     if (into.size() == 0) co_return transfer{};
-    if (may_read()) {
+    if (!deliver_to_ && may_read()) {
         auto got = read(into);
         if (got.problem != asio::error::would_block) co_return got;
     }
@@ -84,7 +84,26 @@ task<transfer> socket_stream::read_some(asio::mutable_buffer into) {
     co_return got;
 }
 
+bool socket_stream::deliver_to(stream_reader& reader) {
+    deliver_to_ = &reader;
+    want_read();
+    return true;
+}
+
+void socket_stream::deliver() {
+    while (may_read()) {
+        const auto room = deliver_to_->room();
+        if (room.size() == 0) return;
+        const auto got = read(room);
+        if (got.problem == asio::error::would_block) break;
+        deliver_to_->on_bytes(got);
+        if (got.problem || !fd_open()) return;
+    }
+    want_read();
+}
+
 void socket_stream::on_readable() {
+    if (deliver_to_) return deliver();
     if (!reader_.waiting() || !may_read()) return;
     auto got = read(into_);
     if (got.problem == asio::error::would_block) want_read();
@@ -138,7 +157,10 @@ transfer socket_stream::try_write(std::span<const asio::const_buffer> from) {
     for (std::size_t i = 0; i < message.msg_iovlen; ++i)
         pieces[i] = {const_cast<void*>(from[i].data()), from[i].size()};
     for (;;) {
-        const auto written = ::sendmsg(fd(), &message, MSG_NOSIGNAL | MSG_DONTWAIT);
+        // A single piece goes without the list of pieces, which the system would copy and check.
+        const auto written = from.size() == 1
+                                 ? ::send(fd(), from[0].data(), from[0].size(), MSG_NOSIGNAL | MSG_DONTWAIT)
+                                 : ::sendmsg(fd(), &message, MSG_NOSIGNAL | MSG_DONTWAIT);
         if (written >= 0) return {{}, static_cast<std::size_t>(written)};
         if (errno == EINTR) continue;
         if (errno == EAGAIN || errno == EWOULDBLOCK) return {asio::error::would_block, 0};

@@ -35,6 +35,7 @@ public:
                                                                              socklen_t size, std::string peer);
 
     task<transfer> read_some(asio::mutable_buffer into) override;
+    bool deliver_to(stream_reader& reader) override;
     transfer try_write(std::span<const asio::const_buffer> from) override;
     task<std::error_code> wait_writable() override;
     void limit_unsent(std::size_t most) override;
@@ -52,10 +53,12 @@ private:
     transfer read(asio::mutable_buffer into);
     std::ptrdiff_t receive(asio::mutable_buffer into);
     void on_readable() override;
+    void deliver();
     void on_writable() override { writable_.resume({}); }
 
     std::string peer_;
     std::vector<owned_fd>* passed_ = nullptr;
+    stream_reader* deliver_to_ = nullptr;
     asio::mutable_buffer into_; // of the read that waits
     waiter<transfer> reader_;
     waiter<outcome> writable_;
