@@ -62,9 +62,7 @@ void release(block unused) noexcept {
 
 } // namespace
 
-buffer::~buffer() {
-    if (data_) release({data_, capacity_});
-}
+void buffer::free() noexcept { release({data_, capacity_}); }
 
 void buffer::enlarge(std::size_t more) {
     if (more > SIZE_MAX / 2 - size_) throw std::bad_alloc();

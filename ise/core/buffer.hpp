@@ -25,7 +25,9 @@ public:
         std::swap(capacity_, other.capacity_);
         return *this;
     }
-    ~buffer();
+    ~buffer() {
+        if (data_) free();
+    }
 
     const std::byte* data() const noexcept { return data_; }
     std::byte* data() noexcept { return data_; }
@@ -80,6 +82,7 @@ public:
 
 private:
     void enlarge(std::size_t more);
+    void free() noexcept;
 
     std::byte* data_ = nullptr;
     std::size_t size_ = 0;

@@ -16,7 +16,7 @@ payload outgoing_packet::keep() const {
     return kept;
 }
 
-bytes_view incoming_packet::bytes() {
+bytes_view incoming_packet::made_bytes() {
     if (object_ && written_.empty()) {
         try {
             object_->write(written_);

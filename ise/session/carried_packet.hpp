@@ -97,7 +97,7 @@ public:
     }
     /// Its bytes in the receiver's layout; valid as long as this. Throws errc::malformed and the like where there are
     /// none.
-    bytes_view bytes();
+    bytes_view bytes() { return object_ || adapt ? made_bytes() : raw_; }
     /// What it counts for where bytes are bounded.
     std::size_t size() const noexcept { return object_ ? object_->weight() : raw_.size(); }
     /// The object, if it is one.
@@ -106,6 +106,8 @@ public:
     payload keep();
 
 private:
+    bytes_view made_bytes();
+
     bytes_view raw_;
     passed_object* object_;
     buffer written_;

@@ -2,11 +2,48 @@
 #include <ise/packet/codec.hpp>
 #include <ise/subscription/publication_core.hpp>
 
+#include <coroutine>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <type_traits>
+#include <utility>
 
 namespace ise {
+
+/// What `publication::send()` awaits: publishes at once where there is room. The publication outlives it. Converts to an
+/// `ise::task` for whoever wants one, which may outlive the publication.
+class [[nodiscard]] send_packet final : public awaiter {
+public:
+    send_packet(const std::shared_ptr<publication_core>& to, published_packet packet) noexcept
+        : to_(to), packet_(std::move(packet)) {}
+
+    bool await_ready() {
+        if (!to_->has_room()) return false;
+        to_->publish(std::move(packet_));
+        return true;
+    }
+    template <class Promise>
+    void await_suspend(std::coroutine_handle<Promise> coroutine) {
+        waiting_.emplace(send_when_room(to_, std::move(packet_))).await_suspend(coroutine);
+    }
+    void await_resume() const {
+        if (waiting_) waiting_->await_resume();
+    }
+    void cancel() override {} // the coroutine that waits is on the stack
+
+    operator task<>() && { return send_when_room(to_, std::move(packet_)); }
+
+private:
+    static task<> send_when_room(std::shared_ptr<publication_core> core, published_packet packet) {
+        if (!core->has_room()) co_await core->wait_for_room();
+        core->publish(std::move(packet));
+    }
+
+    const std::shared_ptr<publication_core>& to_;
+    published_packet packet_;
+    std::optional<detail::task_awaiter<void>> waiting_;
+};
 
 /// A subscription service that this component provides. Calling it publishes a packet to all subscribers by their
 /// policies, and never blocks. A value, cheap to copy; used on its component's loop. Functions of an empty one, such as
@@ -49,9 +86,9 @@ public:
     /// Waits until every connected lossless subscriber has room, then publishes. The subscription of one that is silent
     /// for `max_silence`, or takes nothing for `max_stall`, ends. Cancellation: terminal, the packet is not published.
     /// The packet is encoded, or copied, before this returns.
-    task<> send(const packet_type& packet) const { return send_when_room(held(), made(packet)); }
+    send_packet send(const packet_type& packet) const { return send_packet(held(), made(packet)); }
     /// The same by move: `co_await out.send(std::move(packet))`.
-    task<> send(packet_type&& packet) const { return send_when_room(held(), made(std::move(packet))); }
+    send_packet send(packet_type&& packet) const { return send_packet(held(), made(std::move(packet))); }
 
     /// Publishes if every lossless subscriber has room; otherwise does nothing and returns false, and the caller awaits
     /// `send`. For publishing many packets without suspending while there is room.
@@ -85,10 +122,6 @@ private:
         made.frame = core().share([&packet](buffer& out) { encode(packet, out); });
         made.has_frame = true;
         return made;
-    }
-    static task<> send_when_room(std::shared_ptr<publication_core> core, published_packet packet) {
-        if (!core->has_room()) co_await core->wait_for_room();
-        core->publish(std::move(packet));
     }
 
     std::shared_ptr<publication_core> core_;
