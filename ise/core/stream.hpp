@@ -25,8 +25,8 @@ class stream_reader {
 public:
     /// Memory for the next bytes. Empty: it takes no more.
     virtual asio::mutable_buffer room() noexcept = 0;
-    /// They are in it; or the end of the stream, or its error, after which nothing is delivered. Called inside a turn of
-    /// the loop. May close the stream, and does not destroy it.
+    /// They are in it; or the end of the stream or its error, at which the reader closes it. Called inside a turn of the
+    /// loop. Does not destroy the stream.
     virtual void on_bytes(const transfer& got) = 0;
 
 protected:

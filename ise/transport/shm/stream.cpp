@@ -89,6 +89,7 @@ public:
     }
 
     task<transfer> read_some(asio::mutable_buffer into) override;
+    bool deliver_to(stream_reader& reader) override;
     transfer try_write(std::span<const asio::const_buffer> from) override;
     task<std::error_code> wait_writable() override;
     void limit_unsent(std::size_t most) override { writer_.limit(most); }
@@ -107,7 +108,9 @@ private:
     static constexpr int reads_in_a_row = 16;
 
     static std::optional<std::uint32_t> user_of(int socket) noexcept;
+    bool is_read() const noexcept { return deliver_to_ || bytes_.waiting(); }
     transfer take();
+    void deliver();
     std::error_code room();
     void ring() noexcept;
     bool look() override;
@@ -122,6 +125,7 @@ private:
     std::optional<std::uint32_t> user_;
     lifeline socket_;
     doorbell own_bell_;
+    stream_reader* deliver_to_ = nullptr;
     asio::mutable_buffer into_; // of the read that waits
     waiter<transfer> bytes_;
     waiter<outcome> room_;
@@ -159,15 +163,35 @@ std::optional<std::uint32_t> shared_stream::user_of(int socket) noexcept {
 task<transfer> shared_stream::read_some(asio::mutable_buffer into) {
     if (closed_) co_return transfer{asio::error::operation_aborted, 0};
     if (into.size() == 0) co_return transfer{};
-    into_ = into;
-    if (reads_left_-- > 0) {
-        auto got = take();
-        if (got.problem != asio::error::would_block) co_return got;
-    } else {
-        look_again_.arm(on_.now());
+    if (!deliver_to_) {
+        into_ = into;
+        if (reads_left_-- > 0) {
+            auto got = take();
+            if (got.problem != asio::error::would_block) co_return got;
+        } else {
+            look_again_.arm(on_.now());
+        }
     }
     auto got = co_await bytes_.wait();
     co_return got;
+}
+
+bool shared_stream::deliver_to(stream_reader& reader) {
+    deliver_to_ = &reader;
+    look_again_.arm(on_.now());
+    return true;
+}
+
+void shared_stream::deliver() {
+    for (int left = reads_in_a_row; left > 0; --left) {
+        into_ = deliver_to_->room();
+        if (into_.size() == 0) return;
+        const auto got = take();
+        if (got.problem == asio::error::would_block) return;
+        deliver_to_->on_bytes(got);
+        if (got.problem || closed_) return;
+    }
+    look_again_.arm(on_.now());
 }
 
 // `would_block`: nothing yet, and the reader will hear of what comes.
@@ -186,7 +210,9 @@ transfer shared_stream::take() {
 }
 
 void shared_stream::on_rung() {
-    if (bytes_.waiting()) {
+    if (deliver_to_ && !closed_) {
+        deliver();
+    } else if (bytes_.waiting()) {
         reads_left_ = reads_in_a_row;
         auto got = take();
         if (got.problem != asio::error::would_block) bytes_.resume(got);
@@ -203,7 +229,7 @@ void shared_stream::on_gone() {
 }
 
 bool shared_stream::look() {
-    if (!bytes_.waiting()) return true;
+    if (!is_read()) return true;
     if (!reader_.ready()) return false;
     loop::turn in(on_);
     on_rung();
@@ -211,7 +237,7 @@ bool shared_stream::look() {
 }
 
 void shared_stream::rest() {
-    if (bytes_.waiting() && !reader_.sleep()) look_again_.arm(on_.now());
+    if (is_read() && !reader_.sleep()) look_again_.arm(on_.now());
 }
 
 // Also from another thread: signs of life.

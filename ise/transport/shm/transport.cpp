@@ -130,6 +130,7 @@ public:
     task<transfer> read_some(asio::mutable_buffer into) override {
         return agreed_ ? now_->read_some(into) : agree_and_read(into);
     }
+    bool deliver_to(stream_reader& reader) override { return agreed_ && now_->deliver_to(reader); }
     transfer try_write(std::span<const asio::const_buffer> from) override { return now_->try_write(from); }
     task<std::error_code> wait_writable() override { return now_->wait_writable(); }
     void limit_unsent(std::size_t most) override { now_->limit_unsent(most); }
