@@ -417,6 +417,11 @@ void registry::know_node(const naming::node_identity& who, duration lease, bool 
     expiries_.emplace(one.expires, who.lease_key);
 }
 
+void registry::extend(std::uint64_t lease_key, time_point now) {
+    auto at = running_time(now);
+    if (auto known = nodes_.find(lease_key); known != nodes_.end()) renew_lease(known->second, at);
+}
+
 void registry::end_node(std::uint64_t lease_key, time_point now) {
     auto at = running_time(now);
     if (auto known = nodes_.find(lease_key); known != nodes_.end()) end(known, end_of_lease::ran_out, at);

@@ -458,6 +458,7 @@ task<> shared_names::end_node(shared_names& self, std::uint64_t lease_key) {
 }
 
 void shared_names::tick() {
+    if (!store_answers_) return; // nodes whose renewals are refused are alive all the same
     for (auto key : names_.take_overdue()) {
         auto known = nodes_.find(key);
         if (known == nodes_.end() || known->second.what.server != incarnation_ || known->second.ending) continue;
@@ -466,12 +467,21 @@ void shared_names::tick() {
     }
 }
 
+// While the store was away renewals were refused: each node that is kept here gets a whole lease to come back.
+void shared_names::give_time() {
+    [[maybe_unused]] auto refused = names_.take_overdue();
+    for (const auto& [key, one] : nodes_)
+        if (one.what.server == incarnation_ && !one.ending) names_.extend(key, on_.now());
+}
+
 task<> shared_names::tend(shared_names& self) {
     while (!self.scope_.stopping()) {
         auto alive = co_await self.store_.probe();
         if (alive) self.heard();
         else self.obstacle_ = alive.error().message();
         if (!alive) self.names_.heard_since(self.on_.now());
+        const bool answered = std::exchange(self.store_answers_, static_cast<bool>(alive));
+        if (alive && !answered) self.give_time();
         auto why = self.trouble();
         if (self.on_.now() - self.started_ < fresh) why.clear();
         if (!why.empty() && !std::exchange(self.complained_, true)) self.log_.warning(why);

@@ -73,6 +73,7 @@ private:
     void take_node(const store_entry& entry);
     void take_name(const store_entry& entry);
     void lose_node(std::uint64_t lease_key);
+    void give_time();
     /// The node is kept by this server, with a lease in the store that holds long enough.
     task<> keep_here(naming::node_identity who, duration lease);
     task<std::vector<store_outcome>> write(std::vector<store_step> steps);
@@ -100,6 +101,7 @@ private:
     time_point heard_at_ = time_point::min(); // of a majority
     std::string obstacle_ = "it was not reached yet";
     bool complained_ = false;
+    bool store_answers_ = true; // the last question whether it does
     std::vector<waiter<>*> catching_up_;
 };
 

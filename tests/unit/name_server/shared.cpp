@@ -247,6 +247,24 @@ TEST_CASE("shared names: without a majority those who have met go on, nobody new
     CHECK(calls.failures == 0);
 }
 
+TEST_CASE("shared names: a store that is away for a while costs no node its names") {
+    auto away = GENERATE(1s, 2s, 3s, 4s, 5s, 6s, 30s);
+    auto nodes = GENERATE(1, 5);
+    CAPTURE(away.count(), nodes);
+    shared_system it;
+    auto path = [](int n) { return fmt::format("atirma/doubler{}", n); };
+    for (int n = 0; n != nodes; ++n) it.start_doubler(fmt::format("boat{}", n), path(n));
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere(path(nodes - 1)); }, 5s));
+    it.world.run_for(3s);
+    std::vector<std::uint64_t> epochs;
+    for (int n = 0; n != nodes; ++n) epochs.push_back(it.epoch_at(0, path(n)));
+    it.cluster.majority = false;
+    it.world.run_for(away);
+    it.cluster.majority = true;
+    it.world.run_for(15s);
+    for (int n = 0; n != nodes; ++n) CHECK(it.epoch_at(0, path(n)) == epochs[static_cast<std::size_t>(n)]);
+}
+
 TEST_CASE("shared names: a watch that a compaction has overtaken reads everything anew") {
     shared_system it;
     auto& boat = it.start_doubler("boat", "atirma/doubler");
