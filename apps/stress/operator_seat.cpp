@@ -24,7 +24,8 @@ operator_seat::~operator_seat() {
 ise::task<> operator_seat::run() {
     nodes_ = at(std::string(communication_role));
     follower_ = std::make_unique<telemetry_follower>(*this, nodes_, [this](const telemetry_packet& packet) {
-        book_.shown(self_.name, key_of(packet.boot, packet.sequence));
+        if (self_.shown.first_time(packet.boot, packet.sequence, packet.raw))
+            book_.shown(self_.name, key_of(packet.boot, packet.sequence));
     });
     follower_->seen = self_.seen;
     spawn("telemetry", follow());

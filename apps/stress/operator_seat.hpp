@@ -3,6 +3,7 @@
 #include "plan.hpp"
 #include "taps.hpp"
 
+#include <components/boat/duplicate_filter.hpp>
 #include <components/boat/telemetry_follower.hpp>
 #include <components/gui_client/operator_port.hpp>
 
@@ -31,6 +32,7 @@ struct operator_record {
     std::size_t next_order = 0;
     std::vector<given_command> commands;
     track_cursor seen;
+    duplicate_filter shown; ///< as a console and the page have one
     std::uint64_t authority_changes = 0; ///< that it was told
     bool may_begin = true;               ///< the times of the orders hold
 };
