@@ -167,6 +167,74 @@ TEST_CASE("sockets: closing ends a read that waits, and so does the peer's end")
     }
 }
 
+namespace {
+
+// Counts what is delivered, into little room; `limit`: closes the stream once that much has come.
+struct counting_reader final : ise::stream_reader {
+    counting_reader(ise::stream& of, std::size_t most) : from(of), limit(most) {}
+
+    asio::mutable_buffer room() noexcept override { return asio::buffer(memory); }
+    void on_bytes(const ise::transfer& got) override {
+        if (from_closed) ++calls_after_close;
+        come += got.bytes;
+        if (got.problem) problem = got.problem;
+        if (!got.problem && come < limit) return;
+        from_closed = true;
+        from.close();
+    }
+
+    ise::stream& from;
+    const std::size_t limit;
+    std::string memory = std::string(1000, ' ');
+    std::size_t come = 0;
+    int calls_after_close = 0;
+    bool from_closed = false;
+    std::error_code problem;
+};
+
+// Until it is closed, with what was delivered.
+task<std::error_code> deliver_all(ise::stream& from, counting_reader& to, ise::loop& on) {
+    {
+        ise::loop::turn in(on);
+        if (!from.deliver_to(to)) throw std::logic_error("this stream delivers nothing");
+    }
+    auto ended = co_await read_error(from);
+    co_return ended;
+}
+
+} // namespace
+
+TEST_CASE("sockets: what arrives is delivered whole, then the end, and nothing once the reader has closed") {
+    for (bool own : {true, false})
+        for (bool tcp : {true, false}) {
+            INFO(own << tcp);
+            place at(own);
+            auto two = at.run(connected(at, endpoint_of(tcp)));
+            counting_reader whole(*two.far, SIZE_MAX);
+            auto& loop = at.host->loop();
+            auto ended = ise::async_run(loop.get_executor(), deliver_all(*two.far, whole, loop), asio::use_future);
+            at.run(write_all(*two.near, much));
+            CHECK(ended.get() == asio::error::operation_aborted); // its reader closed it at the end
+            CHECK(whole.come == much);
+            CHECK(whole.problem == asio::error::eof);
+            CHECK(whole.calls_after_close == 0);
+            at.run(drop(two));
+
+            two = at.run(connected(at, endpoint_of(tcp)));
+            counting_reader some(*two.far, 5000);
+            ended = ise::async_run(loop.get_executor(), deliver_all(*two.far, some, loop), asio::use_future);
+            try {
+                at.run(write_all(*two.near, much));
+            } catch (const std::system_error&) { // the reader has closed meanwhile
+            }
+            CHECK(ended.get() == asio::error::operation_aborted);
+            CHECK(some.come >= 5000);
+            CHECK(some.come < 6000);
+            CHECK(some.calls_after_close == 0);
+            at.run(drop(two));
+        }
+}
+
 TEST_CASE("sockets: connecting where nobody listens fails") {
     for (bool own : {true, false})
         for (bool tcp : {true, false}) {
