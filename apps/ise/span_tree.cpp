@@ -33,6 +33,16 @@ std::string attribute_of(const json& of, std::string_view name) {
     return {};
 }
 
+// Of OTLP's numbers; other programs' spans of no such kind answer nothing, and are drawn so all the same.
+std::string kind_of(int number) {
+    switch (number) {
+        case 3: return "client";
+        case 4: return "producer";
+        case 5: return "consumer";
+        default: return "server";
+    }
+}
+
 void read_line(std::string_view line, std::vector<traced_span>& into) {
     auto parsed = json::parse(line);
     for (const auto& resource : parsed.at("resourceSpans")) {
@@ -45,8 +55,8 @@ void read_line(std::string_view line, std::vector<traced_span>& into) {
                 made.parent = one.value("parentSpanId", "");
                 made.component = component;
                 made.name = one.at("name");
-                made.client = one.value("kind", 0) == 3;
-                made.peer = attribute_of(one, made.client ? "server.address" : "client.address");
+                made.kind = kind_of(one.value("kind", 0));
+                made.peer = attribute_of(one, made.kind == "server" ? "client.address" : "server.address");
                 made.began_ns = number_of(one.at("startTimeUnixNano"));
                 made.took_ns = number_of(one.at("endTimeUnixNano")) - made.began_ns;
                 const bool failed = one.value("status", json::object()).value("code", 0) == 2;
@@ -58,10 +68,14 @@ void read_line(std::string_view line, std::vector<traced_span>& into) {
 }
 
 std::string line_of(const traced_span& of, std::int64_t origin_ns) {
-    auto text = of.client ? fmt::format("{} calls '{}' of {}", of.component, of.name, of.peer)
-                          : fmt::format("{} answers '{}'", of.component, of.name);
-    return fmt::format("{}   at {}, {}{}", printable(text), show_duration(duration(of.began_ns - origin_ns)),
-                       show_duration(duration(of.took_ns)), of.outcome == "ok" ? "" : ": " + printable(of.outcome));
+    auto text = of.kind == "client"     ? fmt::format("{} calls '{}' of {}", of.component, of.name, of.peer)
+                : of.kind == "producer" ? fmt::format("{} publishes '{}'", of.component, of.name)
+                : of.kind == "consumer" ? fmt::format("{} takes '{}' of {}", of.component, of.name, of.peer)
+                                        : fmt::format("{} answers '{}'", of.component, of.name);
+    auto line = fmt::format("{}   at {}", printable(text), show_duration(duration(of.began_ns - origin_ns)));
+    if (of.kind != "producer") line += ", " + show_duration(duration(of.took_ns));
+    if (of.outcome != "ok") line += ": " + printable(of.outcome);
+    return line;
 }
 
 } // namespace

@@ -15,7 +15,7 @@ struct traced_span {
     std::string component;         ///< whose side it is
     std::string name;              ///< the service
     std::string peer;              ///< the other side
-    bool client = false;           ///< the caller's side
+    std::string kind;              ///< "client", "server", "producer" or "consumer"
     std::string outcome;           ///< "ok", or the name of the error
     std::int64_t began_ns = 0;     ///< since 1970
     std::int64_t took_ns = 0;

@@ -32,9 +32,30 @@ void append_attribute(std::string& to, std::string_view name, std::string_view t
     to += "}}";
 }
 
+// As OTLP numbers the kinds of spans.
+char kind_of(span::side side) noexcept {
+    switch (side) {
+        case span::side::client: return '3';
+        case span::side::server: return '2';
+        case span::side::producer: return '4';
+        case span::side::consumer: break;
+    }
+    return '5';
+}
+
+// By OpenTelemetry's conventions for calls and for messages.
+void append_attributes(std::string& to, const span& one) {
+    const bool packet = one.of == span::side::producer || one.of == span::side::consumer;
+    append_attribute(to, packet ? "messaging.system" : "rpc.system", "ise");
+    to += ',';
+    append_attribute(to, packet ? "messaging.destination.name" : "rpc.method", one.service);
+    if (one.of == span::side::producer) return;
+    to += ',';
+    append_attribute(to, one.of == span::side::server ? "client.address" : "server.address", one.peer);
+}
+
 void append_span(std::string& to, const span& one, duration wall_ahead) {
     const auto began = (one.began.time_since_epoch() + wall_ahead).count();
-    const bool client = one.of == span::side::client;
     to += R"({"traceId":")";
     append_hex(to, one.in.high);
     append_hex(to, one.in.trace);
@@ -46,14 +67,14 @@ void append_span(std::string& to, const span& one, duration wall_ahead) {
     }
     to += R"(","name":)";
     append_json_string(to, one.service);
-    to += client ? R"(,"kind":3,"startTimeUnixNano":")" : R"(,"kind":2,"startTimeUnixNano":")";
+    to += R"(,"kind":)";
+    to += kind_of(one.of);
+    to += R"(,"startTimeUnixNano":")";
     append_number(to, began);
     to += R"(","endTimeUnixNano":")";
     append_number(to, began + std::max<std::int64_t>(one.took.count(), 0));
-    to += R"(","attributes":[{"key":"rpc.system","value":{"stringValue":"ise"}},)";
-    append_attribute(to, "rpc.method", one.service);
-    to += ',';
-    append_attribute(to, client ? "server.address" : "client.address", one.peer);
+    to += R"(","attributes":[)";
+    append_attributes(to, one);
     if (one.outcome == errc{}) {
         to += R"(],"status":{"code":1}})";
         return;

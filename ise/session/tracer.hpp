@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/core/error.hpp>
 #include <ise/core/time.hpp>
+#include <ise/core/trace_id.hpp>
 
 #include <atomic>
 #include <cstddef>
@@ -12,16 +13,10 @@
 
 namespace ise {
 
-/// Connects the calls that have one cause. With `high` a trace has the 128 bits of a W3C trace id.
-struct trace_id {
-    std::uint64_t trace = 0;  ///< of the whole tree of calls, the lower half; 0: none
-    std::uint64_t parent = 0; ///< the span that caused this call
-    std::uint64_t high = 0;   ///< the upper half; 0 where a peer of an earlier version passed it on
-};
-
-/// One side of a call, once it has ended.
+/// One side of a call, once it has ended, or of a published packet.
 struct span {
-    enum class side : std::uint8_t { client, server };
+    /// A producer's lasts no time; a consumer's from the arrival of the packet until it was taken.
+    enum class side : std::uint8_t { client, server, producer, consumer };
 
     trace_id in;          ///< `parent`: the span that caused it; 0: it is the root
     std::uint64_t id = 0; ///< its own
@@ -29,7 +24,7 @@ struct span {
     errc outcome{};        ///< zero: answered
     time_point began{};    ///< on the process's monotonic clock
     duration took{};       ///< of a server: from the request to the answer, the wait for a handler included
-    std::string service;   ///< that was called
+    std::string service;   ///< of the call or packet
     std::string component; ///< the path of this side; empty: anonymous
     std::string peer;      ///< the other side: its path, or its address
 };
