@@ -53,7 +53,7 @@ inline void add_observing(CLI::App& app, ise::node_options& given) {
                    "$ISE_TRACES, else none)")
         ->type_name("TARGET");
     app.add_option("--trace-rate", given.trace_rate,
-                   "share of the traces begun here that are kept (default: $ISE_TRACE_RATE, else 1)")
+                   "share of the traces begun here that are kept (default: $ISE_TRACE_RATE, else the first 100 a second)")
         ->check(CLI::Range(0.0, 1.0))
         ->type_name("SHARE");
 }

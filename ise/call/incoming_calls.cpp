@@ -3,6 +3,7 @@
 
 #include <ise/packet/codec.hpp>
 #include <ise/packet/compatibility.hpp>
+#include <ise/session/tracer.hpp>
 #include <ise/wire/body.hpp>
 
 #include <fmt/format.h>

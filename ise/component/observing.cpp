@@ -38,13 +38,15 @@ char kind_of(span::side side) noexcept {
         case span::side::client: return '3';
         case span::side::server: return '2';
         case span::side::producer: return '4';
-        case span::side::consumer: break;
+        case span::side::consumer: return '5';
+        case span::side::internal: break;
     }
-    return '5';
+    return '1';
 }
 
 // By OpenTelemetry's conventions for calls and for messages.
 void append_attributes(std::string& to, const span& one) {
+    if (one.of == span::side::internal) return append_attribute(to, "work.target", one.peer);
     const bool packet = one.of == span::side::producer || one.of == span::side::consumer;
     append_attribute(to, packet ? "messaging.system" : "rpc.system", "ise");
     to += ',';
@@ -75,13 +77,24 @@ void append_span(std::string& to, const span& one, duration wall_ahead) {
     append_number(to, began + std::max<std::int64_t>(one.took.count(), 0));
     to += R"(","attributes":[)";
     append_attributes(to, one);
+    if (one.outcome != errc{}) {
+        to += ',';
+        append_attribute(to, "error.type", name_of(one.outcome));
+    }
+    to += ']';
+    if (one.linked) {
+        to += R"(,"links":[{"traceId":")";
+        append_hex(to, one.linked.high);
+        append_hex(to, one.linked.trace);
+        to += R"(","spanId":")";
+        append_hex(to, one.linked.parent);
+        to += R"("}])";
+    }
     if (one.outcome == errc{}) {
-        to += R"(],"status":{"code":1}})";
+        to += R"(,"status":{"code":1}})";
         return;
     }
-    to += ',';
-    append_attribute(to, "error.type", name_of(one.outcome));
-    to += R"(],"status":{"code":2,"message":)";
+    to += R"(,"status":{"code":2,"message":)";
     append_json_string(to, name_of(one.outcome));
     to += "}}";
 }
@@ -96,16 +109,15 @@ void set_from_environment(node_options& options, environment& env) {
     fill(options.traces, "ISE_TRACES");
     (void)metrics_address(options.metrics); // before anything begins
     if (options.traces.empty() || options.traces == "none") return;
-    if (!options.trace_rate) {
-        auto report = env.variable("ISE_TRACE_RATE");
-        auto rate = report && !report->empty() ? parse_trace_rate(*report) : result<double>(1.0);
+    if (auto report = env.variable("ISE_TRACE_RATE"); !options.trace_rate && report && !report->empty()) {
+        auto rate = parse_trace_rate(*report);
         if (!rate) throw error(rate.error().code(), "ISE_TRACE_RATE: " + rate.error().message());
         options.trace_rate = *rate;
     }
-    if (!(*options.trace_rate >= 0 && *options.trace_rate <= 1))
+    if (options.trace_rate && !(*options.trace_rate >= 0 && *options.trace_rate <= 1))
         throw error(errc::invalid_argument,
                     fmt::format("node_options::trace_rate is {}; it is from 0 to 1", *options.trace_rate));
-    options.services.traces = std::make_shared<tracer>(*options.trace_rate, env.random());
+    options.services.traces = std::make_shared<tracer>(options.trace_rate, env.random());
 }
 
 std::optional<endpoint> metrics_address(std::string_view text) {

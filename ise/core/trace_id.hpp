@@ -27,8 +27,7 @@ extern constinit thread_local trace_place* present_trace;
 /// While it lives, code that is no coroutine works for another trace.
 class trace_scope {
 public:
-    explicit trace_scope(trace_place place) noexcept
-        : place_(place), before_(std::exchange(present_trace, &place_)) {}
+    explicit trace_scope(trace_place place) noexcept : place_(place), before_(std::exchange(present_trace, &place_)) {}
     ~trace_scope() { present_trace = before_; }
     trace_scope(const trace_scope&) = delete;
     trace_scope& operator=(const trace_scope&) = delete;

@@ -4,6 +4,7 @@
 #include <ise/core/sleep.hpp>
 #include <ise/service/peer_sessions.hpp>
 #include <ise/service/role_state.hpp>
+#include <ise/session/tracer.hpp>
 
 #include <asio/post.hpp>
 #include <asio/system_executor.hpp>

@@ -86,8 +86,7 @@ result<void> outgoing_subscriptions::on_packet(const net::carried_frame& receive
     packet_place place;
     place.sequence = detail::load_little<std::uint64_t>(body.data());
     if (skipped) place.skipped = detail::load_little<std::uint32_t>(body.data() + 8);
-    if (stamped)
-        place.published_at = wall_time(duration(detail::load_little<std::int64_t>(body.data() + stamp_at)));
+    if (stamped) place.published_at = wall_time(duration(detail::load_little<std::int64_t>(body.data() + stamp_at)));
     if (traced) place.trace = packet_frame::read_trace(body.data() + trace_at);
     auto found = subscribers_.find(received.header.id);
     if (found == subscribers_.end()) return {};

@@ -54,7 +54,7 @@ inline constexpr std::uint8_t skipped = 1;  ///< packet: the body carries a coun
 inline constexpr std::uint8_t stamped = 2;  ///< packet: the body carries its time of publication (`feature::stamps`)
 /// Packet: the body carries the trace of its publication (`feature::packet_traces`).
 inline constexpr std::uint8_t caused = 4;
-inline constexpr std::uint8_t last = 1;     ///< piece: the message is complete
+inline constexpr std::uint8_t last = 1;      ///< piece: the message is complete
 inline constexpr std::uint8_t abandoned = 2; ///< piece: the sender gave the message up
 inline constexpr std::uint8_t stalled = 1;   ///< pong: the component is busy; its node answers for it
 inline constexpr std::uint8_t objects = 1;   ///< subscribe: packets may come beside (`feature::objects`)
