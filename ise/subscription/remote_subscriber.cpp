@@ -279,8 +279,8 @@ void remote_subscriber::drop_oldest(std::uint64_t& reason) {
 bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
     const auto& wire = line_->wire();
     const auto largest = wire.terms().peer_accepts.max_message_bytes;
-    // Where none of them can be too large for the peer, nor goes in pieces or beside the stream, nor without its time or
-    // its trace.
+    // Where none of them can be too large for the peer, nor goes in pieces or beside the stream, nor without its time
+    // or its trace.
     const bool together = !wire.lossy() && wire.tells_stamps() && wire.tells_packet_traces() &&
                           largest >= shared_bytes_maker::small_bytes;
     std::size_t taken = 0;

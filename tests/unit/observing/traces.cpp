@@ -146,17 +146,15 @@ void publish_notes(ise::environment& env, const ise::node_options& options, cons
     auto boat_at = boat.services().listening().front();
     auto gate_at = gate.services().listening().front();
     std::promise<void> following;
-    (inside ? boat_node : plotter_node)
-        .start("sea/plotter",
-               [&](ise::component& self) -> task<> {
-                   auto from = self.at(boat_at), to = self.at(gate_at);
-                   auto some = co_await from.subscribe(notes);
-                   following.set_value();
-                   for (;;) {
-                       auto packet = co_await some.next();
-                       co_await to.call(relay, packet->text, 10s);
-                   }
-               });
+    (inside ? boat_node : plotter_node).start("sea/plotter", [&](ise::component& self) -> task<> {
+        auto from = self.at(boat_at), to = self.at(gate_at);
+        auto some = co_await from.subscribe(notes);
+        following.set_value();
+        for (;;) {
+            auto packet = co_await some.next();
+            co_await to.call(relay, packet->text, 10s);
+        }
+    });
     following.get_future().wait();
     run_on(asking, [&](ise::component& self) -> task<> {
         auto to = self.at(boat_at);
