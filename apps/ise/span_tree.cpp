@@ -44,6 +44,11 @@ std::string kind_of(int number) {
     }
 }
 
+std::string_view peer_attribute_of(std::string_view kind) {
+    if (kind == "server") return "client.address";
+    return kind == "internal" ? "work.target" : "server.address";
+}
+
 void read_line(std::string_view line, std::vector<traced_span>& into) {
     auto parsed = json::parse(line);
     for (const auto& resource : parsed.at("resourceSpans")) {
@@ -57,9 +62,7 @@ void read_line(std::string_view line, std::vector<traced_span>& into) {
                 made.component = component;
                 made.name = one.at("name");
                 made.kind = kind_of(one.value("kind", 0));
-                made.peer = attribute_of(one, made.kind == "server"     ? "client.address"
-                                              : made.kind == "internal" ? "work.target"
-                                                                        : "server.address");
+                made.peer = attribute_of(one, peer_attribute_of(made.kind));
                 if (auto links = one.value("links", json::array()); !links.empty())
                     made.linked = links.front().at("traceId");
                 made.began_ns = number_of(one.at("startTimeUnixNano"));
@@ -72,13 +75,16 @@ void read_line(std::string_view line, std::vector<traced_span>& into) {
     }
 }
 
+std::string sentence_of(const traced_span& of) {
+    if (of.kind == "client") return fmt::format("{} calls '{}' of {}", of.component, of.name, of.peer);
+    if (of.kind == "producer") return fmt::format("{} publishes '{}'", of.component, of.name);
+    if (of.kind == "consumer") return fmt::format("{} takes '{}' of {}", of.component, of.name, of.peer);
+    if (of.kind == "server") return fmt::format("{} answers '{}'", of.component, of.name);
+    return fmt::format("{}: {}{}{}", of.component, of.name, of.peer.empty() ? "" : " to ", of.peer);
+}
+
 std::string line_of(const traced_span& of, std::int64_t origin_ns) {
-    auto text = of.kind == "client"     ? fmt::format("{} calls '{}' of {}", of.component, of.name, of.peer)
-                : of.kind == "producer" ? fmt::format("{} publishes '{}'", of.component, of.name)
-                : of.kind == "consumer" ? fmt::format("{} takes '{}' of {}", of.component, of.name, of.peer)
-                : of.kind == "internal"
-                    ? fmt::format("{}: {}{}{}", of.component, of.name, of.peer.empty() ? "" : " to ", of.peer)
-                    : fmt::format("{} answers '{}'", of.component, of.name);
+    const auto text = sentence_of(of);
     auto line = fmt::format("{}   at {}", printable(text), show_duration(duration(of.began_ns - origin_ns)));
     if (of.kind != "producer") line += ", " + show_duration(duration(of.took_ns));
     if (of.outcome != "ok") line += ": " + printable(of.outcome);
