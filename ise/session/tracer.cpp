@@ -6,8 +6,6 @@
 
 namespace ise {
 
-std::atomic<unsigned> tracer::tracers{0};
-
 namespace {
 
 std::optional<std::uint64_t> threshold_of(std::optional<double> rate) noexcept {
@@ -29,11 +27,7 @@ constexpr std::uint64_t id_of(std::uint64_t state) noexcept {
 
 } // namespace
 
-tracer::tracer(std::optional<double> rate, std::uint64_t seed) : threshold_(threshold_of(rate)), state_(seed) {
-    ++tracers;
-}
-
-tracer::~tracer() { --tracers; }
+tracer::tracer(std::optional<double> rate, std::uint64_t seed) : threshold_(threshold_of(rate)), state_(seed) {}
 
 std::uint64_t tracer::next_id() noexcept {
     return id_of(state_.fetch_add(id_step, std::memory_order_relaxed) + id_step);

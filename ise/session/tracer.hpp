@@ -42,12 +42,8 @@ public:
     /// `rate`: of the traces that begin here so many are kept, from 0 to 1; without one the first `usual_traces` of the
     /// time between two `take()`. `seed`: of their numbers.
     tracer(std::optional<double> rate, std::uint64_t seed);
-    ~tracer();
     tracer(const tracer&) = delete;
     tracer& operator=(const tracer&) = delete;
-
-    /// Whether a process has one: without, a call costs this look more.
-    static bool any() noexcept { return tracers.load(std::memory_order_relaxed) != 0; }
 
     /// A call begins: where it belongs to a trace or begins one, `in.parent` becomes its own span, `caused_by` the one
     /// before, and the result is true. `in_handler`: what its caller did not trace is not traced from here on.
@@ -76,8 +72,6 @@ public:
     void drop(std::uint64_t count) noexcept { dropped_ += count; } ///< taken, and then not exported
 
 private:
-    static std::atomic<unsigned> tracers;
-
     bool samples() noexcept {
         if (threshold_) return next_id() <= *threshold_;
         if (left_.load(std::memory_order_relaxed) <= 0) return false;
