@@ -52,8 +52,9 @@ inline void add_observing(CLI::App& app, ise::node_options& given) {
                    "a file, or the http URL of a collector, that gets spans of calls as OTLP/JSON (default: "
                    "$ISE_TRACES, else none)")
         ->type_name("TARGET");
-    app.add_option("--trace-rate", given.trace_rate,
-                   "share of the traces begun here that are kept (default: $ISE_TRACE_RATE, else 1)")
+    app.add_option(
+           "--trace-rate", given.trace_rate,
+           "share of the traces begun here that are kept (default: $ISE_TRACE_RATE, else the first 100 a second)")
         ->check(CLI::Range(0.0, 1.0))
         ->type_name("SHARE");
 }

@@ -6,13 +6,19 @@ set(ise_package_dir "${CMAKE_INSTALL_LIBDIR}/cmake/ise")
 # Asio is compiled into the library: whoever uses it compiles against the same one.
 set(ISE_ASIO_VERSION "${Asio_VERSION}")
 
-install(TARGETS ise EXPORT iseTargets
+set(ise_installed ise)
+if(ISE_WITH_RECORDINGS)
+  list(APPEND ise_installed ise_bag ise_replay)
+endif()
+install(TARGETS ${ise_installed} EXPORT iseTargets
   ARCHIVE DESTINATION "${CMAKE_INSTALL_LIBDIR}" LIBRARY DESTINATION "${CMAKE_INSTALL_LIBDIR}"
   INCLUDES DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
-# What is not in ise::ise has no headers here either, but for the services that drive an instantiation server.
-install(DIRECTORY "${PROJECT_SOURCE_DIR}/ise" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" FILES_MATCHING PATTERN "*.hpp"
-  PATTERN "instantiation" EXCLUDE PATTERN "deployment" EXCLUDE PATTERN "bag" EXCLUDE
-  PATTERN "replay" EXCLUDE)
+# What is in none of these libraries has no headers here either, but for the services that drive an instantiation server.
+set(ise_without PATTERN "instantiation" EXCLUDE PATTERN "deployment" EXCLUDE)
+if(NOT ISE_WITH_RECORDINGS)
+  list(APPEND ise_without PATTERN "bag" EXCLUDE PATTERN "replay" EXCLUDE)
+endif()
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/ise" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}" FILES_MATCHING PATTERN "*.hpp" ${ise_without})
 install(FILES "${PROJECT_SOURCE_DIR}/ise/instantiation/services.hpp" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}/ise/instantiation")
 install(EXPORT iseTargets NAMESPACE ise:: DESTINATION "${ise_package_dir}")
 

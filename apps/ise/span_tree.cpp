@@ -33,6 +33,22 @@ std::string attribute_of(const json& of, std::string_view name) {
     return {};
 }
 
+// Of OTLP's numbers.
+std::string kind_of(int number) {
+    switch (number) {
+        case 3: return "client";
+        case 4: return "producer";
+        case 5: return "consumer";
+        case 2: return "server";
+        default: return "internal";
+    }
+}
+
+std::string_view peer_attribute_of(std::string_view kind) {
+    if (kind == "server") return "client.address";
+    return kind == "internal" ? "work.target" : "server.address";
+}
+
 void read_line(std::string_view line, std::vector<traced_span>& into) {
     auto parsed = json::parse(line);
     for (const auto& resource : parsed.at("resourceSpans")) {
@@ -45,8 +61,10 @@ void read_line(std::string_view line, std::vector<traced_span>& into) {
                 made.parent = one.value("parentSpanId", "");
                 made.component = component;
                 made.name = one.at("name");
-                made.client = one.value("kind", 0) == 3;
-                made.peer = attribute_of(one, made.client ? "server.address" : "client.address");
+                made.kind = kind_of(one.value("kind", 0));
+                made.peer = attribute_of(one, peer_attribute_of(made.kind));
+                if (auto links = one.value("links", json::array()); !links.empty())
+                    made.linked = links.front().at("traceId");
                 made.began_ns = number_of(one.at("startTimeUnixNano"));
                 made.took_ns = number_of(one.at("endTimeUnixNano")) - made.began_ns;
                 const bool failed = one.value("status", json::object()).value("code", 0) == 2;
@@ -57,11 +75,20 @@ void read_line(std::string_view line, std::vector<traced_span>& into) {
     }
 }
 
+std::string sentence_of(const traced_span& of) {
+    if (of.kind == "client") return fmt::format("{} calls '{}' of {}", of.component, of.name, of.peer);
+    if (of.kind == "producer") return fmt::format("{} publishes '{}'", of.component, of.name);
+    if (of.kind == "consumer") return fmt::format("{} takes '{}' of {}", of.component, of.name, of.peer);
+    if (of.kind == "server") return fmt::format("{} answers '{}'", of.component, of.name);
+    return fmt::format("{}: {}{}{}", of.component, of.name, of.peer.empty() ? "" : " to ", of.peer);
+}
+
 std::string line_of(const traced_span& of, std::int64_t origin_ns) {
-    auto text = of.client ? fmt::format("{} calls '{}' of {}", of.component, of.name, of.peer)
-                          : fmt::format("{} answers '{}'", of.component, of.name);
-    return fmt::format("{}   at {}, {}{}", printable(text), show_duration(duration(of.began_ns - origin_ns)),
-                       show_duration(duration(of.took_ns)), of.outcome == "ok" ? "" : ": " + printable(of.outcome));
+    const auto text = sentence_of(of);
+    auto line = fmt::format("{}   at {}", printable(text), show_duration(duration(of.began_ns - origin_ns)));
+    if (of.kind != "producer") line += ", " + show_duration(duration(of.took_ns));
+    if (of.outcome != "ok") line += ": " + printable(of.outcome);
+    return line;
 }
 
 } // namespace
@@ -85,17 +112,32 @@ result<void> read_spans(std::string_view text, std::vector<traced_span>& into) {
 }
 
 std::vector<traced_span> spans_of_trace(const std::vector<traced_span>& all, std::string_view trace) {
-    std::vector<traced_span> made;
+    std::set<std::string> continuations;
+    for (const auto& one : all)
+        if (trace.empty() && !one.linked.empty() && one.linked != one.trace) continuations.insert(one.linked);
     std::string id;
     std::int64_t newest = 0;
     for (const auto& one : all) {
-        if (trace.empty() ? !id.empty() && one.began_ns <= newest : !one.trace.starts_with(trace)) continue;
+        if (trace.empty() ? (!id.empty() && one.began_ns <= newest) || continuations.contains(one.trace)
+                          : !one.trace.starts_with(trace))
+            continue;
         id = one.trace;
         newest = one.began_ns;
     }
-    for (const auto& one : all)
-        if (!id.empty() && one.trace == id) made.push_back(one);
-    std::ranges::stable_sort(made, {}, &traced_span::began_ns);
+    std::vector<traced_span> made;
+    std::set<std::string> taken;
+    std::vector<std::string> open{id};
+    while (!id.empty() && !open.empty()) {
+        auto next = std::move(open.back());
+        open.pop_back();
+        if (!taken.insert(next).second) continue;
+        for (const auto& one : all) {
+            if (one.trace != next) continue;
+            made.push_back(one);
+            if (!one.linked.empty()) open.push_back(one.linked);
+        }
+    }
+    std::ranges::stable_sort(made, {}, [&](const auto& one) { return std::pair(one.trace != id, one.began_ns); });
     return made;
 }
 
@@ -103,13 +145,19 @@ std::string draw_trace(const std::vector<traced_span>& spans) {
     if (spans.empty()) return {};
     std::map<std::string, std::vector<const traced_span*>> below;
     std::set<std::string> known;
-    for (const auto& one : spans) known.insert(one.id);
+    std::map<std::string, std::string> links; // from a trace to the span that it goes on with
+    for (const auto& one : spans) {
+        known.insert(one.id);
+        if (!one.linked.empty() && one.linked != spans.front().trace) links.emplace(one.linked, one.id);
+    }
     std::vector<const traced_span*> roots;
     std::int64_t end_ns = 0;
     for (const auto& one : spans) {
         end_ns = std::max(end_ns, one.began_ns + one.took_ns);
         const bool root = !known.contains(one.parent) || one.parent == one.id;
-        (root ? roots : below[one.parent]).push_back(&one);
+        const auto link = links.find(one.trace);
+        const auto above = root && link != links.end() && link->second != one.id ? link->second : one.parent;
+        (root && above == one.parent ? roots : below[above]).push_back(&one);
     }
     const auto origin = spans.front().began_ns;
     auto text =

@@ -15,7 +15,8 @@ struct traced_span {
     std::string component;         ///< whose side it is
     std::string name;              ///< the service
     std::string peer;              ///< the other side
-    bool client = false;           ///< the caller's side
+    std::string kind;              ///< "client", "server", "producer", "consumer" or "internal"
+    std::string linked;            ///< the trace that goes on with it, if it is another one
     std::string outcome;           ///< "ok", or the name of the error
     std::int64_t began_ns = 0;     ///< since 1970
     std::int64_t took_ns = 0;
@@ -25,7 +26,8 @@ struct traced_span {
 /// malformed, with the line.
 result<void> read_spans(std::string_view text, std::vector<traced_span>& into);
 
-/// Those of one trace; `trace`: the beginning of its id; empty: the one that began last. Ordered by their begin.
+/// Those of one trace, and of the traces that it is linked to; `trace`: the beginning of its id; empty: the one that
+/// began last, and that no other is linked to. Ordered by their begin, those of the trace itself first.
 std::vector<traced_span> spans_of_trace(const std::vector<traced_span>& all, std::string_view trace);
 
 /// As a tree with times, for people.

@@ -18,7 +18,8 @@ ise::replay_report replay_nodes(const std::string& file, const std::string& out,
     ise::replay_options options;
     options.out = out;
     options.log = std::move(log);
-    // Numbers of stores are drawn at random; the state of a node has times and counts of its own life.
+    // Numbers of stores are drawn at random; the state of a node has times and counts of its own life. A recording has
+    // the times at which packets came to the recorder, not to the node: times of arrival differ by their ways.
     options.ignored = {"store", "peer_store", "seen", "at", "asked_at", "communication_state/*"};
     for (int which = 1; which <= 2; ++which) {
         communication_node_options node;

@@ -2,6 +2,10 @@
 
 #include <components/boat/recall.hpp>
 
+#include <ise/component/traced_work.hpp>
+
+#include <fmt/format.h>
+
 #include <algorithm>
 
 namespace atirma {
@@ -50,12 +54,34 @@ void telecommand_service::work() {
     for (const auto& change : tracker_.take_changes()) {
         (void)keep(change); // one that the disk does not take is told all the same
         audience_.tell(status_of(change, tracker_.policy().link));
+        if (is_final(change.stage)) trace(change);
     }
     working_ = false;
     auto next = up ? tracker_.next_event() : tracker_.next_expiry();
     if (next == ise::time_point::max()) return due_.disarm();
     due_.arm(ise::saturating_add(of_.now(), std::clamp(next - now().now, ise::duration(), max_tracker_sleep)));
 }
+
+// Its way over the link, which the boat goes on with in a trace of its own.
+void telecommand_service::trace(const tracked_telecommand& change) {
+    auto found = traces_.find(change.id);
+    if (found == traces_.end()) return;
+    const auto name = fmt::format("{} over {}", name_of(change.command.kind()), name_of(tracker_.policy().link));
+    ise::traced_work way;
+    way.name = name;
+    way.target = "the boat";
+    way.outcome = change.stage == link_stage::acknowledged ? ise::errc{}
+                  : change.stage == link_stage::expired    ? ise::errc::timed_out
+                                                           : ise::errc::refused;
+    way.began = found->second.since;
+    way.took = of_.now() - way.began;
+    way.in = found->second.in;
+    way.linked = trace_of_telecommand(change.id);
+    ise::record_work(of_, way);
+    traces_.erase(found);
+}
+
+ise::trace_id trace_of_telecommand(std::uint32_t id) noexcept { return ise::numbered_trace("atirma/telecommand", id); }
 
 ise::task<telecommand_reply> telecommand_service::command(telecommand_request request, ise::time_point deadline) {
     auto chosen = static_cast<std::uint32_t>(of_.env().random()) | 1u; // never 0
@@ -65,9 +91,11 @@ ise::task<telecommand_reply> telecommand_service::command(telecommand_request re
     auto taken = tracker_.submit(now(), request, chosen);
     if (!taken) throw ise::error(ise::errc::refused, taken.error().message()); // it had no effect
     auto id = *taken;
+    if (auto in = ise::current_trace(); in && !known) traces_[id] = {in, of_.now()};
     auto kept = known ? ise::result<void>() : keep(*tracker_.find(id));
     if (!kept) {
         tracker_.forget(id);
+        traces_.erase(id);
         throw ise::error(ise::errc::refused, "the telecommand could not be kept on disk: " + kept.error().message());
     }
     auto status = status_of(*tracker_.find(id), tracker_.policy().link);

@@ -2,7 +2,15 @@
 #include <components/boat/telecommand_audience.hpp>
 #include <components/boat/telecommand_tracker.hpp>
 
+#include <ise/core/trace_id.hpp>
+
+#include <map>
+
 namespace atirma {
+
+/// The trace of a telecommand beyond the radio, which carries its number only: the boat's span of its execution is the
+/// `parent` of it (docs/metrics.md).
+ise::trace_id trace_of_telecommand(std::uint32_t id) noexcept;
 
 /// The telecommand side of a proxy, whichever its link is: provides `telecommand`, `telecommand_state` and
 /// `telecommand_recall` over a tracker. Its component outlives it and gives what is due to the link.
@@ -36,11 +44,17 @@ public:
 
 private:
     ise::task<telecommand_reply> command(telecommand_request request, ise::time_point deadline);
+    void trace(const tracked_telecommand& change);
 
     ise::component& of_;
     telecommand_tracker tracker_;
     telecommand_audience audience_;
     ise::timer due_;
+    struct traced {
+        ise::trace_id in; // of the call that asked for it
+        ise::time_point since{};
+    };
+    std::map<std::uint32_t, traced> traces_; // of open ones
     bool working_ = false;
 };
 

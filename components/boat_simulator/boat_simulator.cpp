@@ -1,7 +1,9 @@
 #include <components/boat_simulator/boat_simulator.hpp>
 
+#include <components/boat/telecommand_service.hpp>
 #include <components/xbee/at_command.hpp>
 
+#include <ise/component/traced_work.hpp>
 #include <ise/service/service_host.hpp>
 
 #include <fmt/format.h>
@@ -182,7 +184,7 @@ void boat_simulator::sail() {
     send();
     send_uplink();
     if (iridium_) iridium_->carry();
-    if (options_.on_executed) tell_executed();
+    tell_executed();
     if (memory_) remember();
 }
 
@@ -190,7 +192,19 @@ void boat_simulator::tell_executed() {
     const auto& all = boat_->executed();
     auto fresh = std::min<std::uint64_t>(boat_->executed_count() - executed_told_, all.size());
     executed_told_ = boat_->executed_count();
-    for (auto at = all.end() - static_cast<std::ptrdiff_t>(fresh); at != all.end(); ++at) options_.on_executed(*at);
+    for (auto at = all.end() - static_cast<std::ptrdiff_t>(fresh); at != all.end(); ++at) {
+        if (options_.on_executed) options_.on_executed(*at);
+        // The shore's span of the way over the link is linked to this one.
+        const auto trace = trace_of_telecommand(at->id);
+        const auto name = fmt::format("executes {}", name_of(at->kind));
+        ise::traced_work done;
+        done.name = name;
+        done.outcome = at->code == ack_code::done ? ise::errc{} : ise::errc::refused;
+        done.began = now();
+        done.in.trace = trace.trace;
+        done.in.high = trace.high;
+        ise::record_work(*this, done, trace.parent);
+    }
 }
 
 void boat_simulator::send_uplink() {

@@ -57,7 +57,10 @@ void node_telecommands::record_changes() {
         if (put) unsaved_.clear();
         peer_.notify_news();
     }
-    for (const auto& record : changes) audience_.tell(record.status);
+    for (const auto& record : changes) {
+        audience_.tell(record.status);
+        if (is_final(record.status.state)) traces_.erase(record.status.id);
+    }
     for (const auto& result : router_.take_boat_epochs())
         authority_.book().boat_obeys(result.obeyed, result.sent_under);
 }
@@ -138,6 +141,7 @@ ise::result<command_record> node_telecommands::begin(const telecommand_request& 
             put.error().code(),
             fmt::format("the telecommand cannot be recorded, and so it is not sent: {}", put.error().message()));
     router_.know(here_.now(), here_.clock(), *record, here_.self.path());
+    if (auto trace = ise::current_trace()) traces_[record->status.id] = trace;
     audience_.tell(record->status);
     peer_.notify_news();
     work();
@@ -210,6 +214,7 @@ record_page node_telecommands::record(const record_request& request) {
 /// One telecommand at one link, until it is decided. The proxy goes on by itself; asking again with the same id is
 /// safe, and needed after a proxy has forgotten it.
 ise::task<> node_telecommands::drive(command_router::give what) {
+    if (auto traced = traces_.find(what.id); traced != traces_.end()) ise::work_for(traced->second);
     auto position = store_->commands_head(), store = store_->number();
     while (store_->number() == store && peer_.lives() && !peer_.has_commands(position))
         co_await peer_.wait_for_progress();

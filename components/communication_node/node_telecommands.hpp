@@ -5,6 +5,8 @@
 #include <components/communication_node/command_router.hpp>
 #include <components/communication_node/node_authority.hpp>
 
+#include <ise/core/trace_id.hpp>
+
 #include <map>
 #include <optional>
 #include <string>
@@ -66,6 +68,7 @@ private:
     command_router router_;
     telecommand_audience audience_;
     ise::timer due_;
+    std::map<std::uint32_t, ise::trace_id> traces_;   // of the calls that asked for the open ones
     std::map<std::uint32_t, command_record> unsaved_; // changes that the disk did not take
     bool working_ = false;
 };

@@ -23,7 +23,10 @@ void call_worker::note_waiting(const call_origin& from) {
 // Those that came with it in the same turn may have taken long.
 bool call_worker::may_begin() {
     if (wanted_) {
-        if (!service_.is_late(call_)) return true;
+        if (!service_.is_late(call_)) {
+            if (detail::present_trace) *detail::present_trace = {call_.trace, true};
+            return true;
+        }
         service_.refuse_late(*call_.from, call_);
     }
     finish();
@@ -88,6 +91,7 @@ void call_service::serve(call_origin& from, incoming_call& call, incoming_packet
     auto began = measured ? runtime_.env().now() : time_point::max();
     try {
         if (at_once_) {
+            const detail::trace_scope works_for({call.trace, true});
             serve_now(from, call, request);
             meter_.begins();
             if (measured) meter_.handled(runtime_.env().now() - began);

@@ -1,7 +1,7 @@
 #pragma once
 #include <ise/core/time.hpp>
+#include <ise/core/trace_id.hpp>
 #include <ise/core/verified_peer.hpp>
-#include <ise/session/tracer.hpp>
 
 #include <asio/any_io_executor.hpp>
 

@@ -3,6 +3,7 @@
 
 #include <ise/packet/codec.hpp>
 #include <ise/packet/compatibility.hpp>
+#include <ise/session/tracer.hpp>
 #include <ise/wire/body.hpp>
 
 #include <fmt/format.h>
@@ -62,9 +63,6 @@ void tap_end(const incoming_calls& at, service_runtime& runtime, std::uint64_t i
     }
     taps_of(runtime).end(&at, id, runtime, runtime.on().now(), std::move(outcome), std::move(message), raw.to_bytes());
 }
-
-// Whether a recorder or a tracer looks at the calls of this process: without, a call costs this look more.
-bool observed() noexcept { return call_taps::any() || tracer::any(); }
 
 failure replies_not_taken(std::size_t unsent, execution state) {
     return failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (session_bytes)", unsent),
@@ -276,7 +274,7 @@ void incoming_calls::serve(binding& of, incoming_call& call, incoming_packet& re
     if (of.audited) over_.note_use(service_kind::request_response, of.name);
     call.adapt = of.request.get();
     ++runtime.counts().calls_served;
-    if (observed()) [[unlikely]]
+    if (call_taps::any() || call.trace) [[unlikely]]
         observe(running_[slot], call, request);
     of.service->serve(*this, call, request);
 }
@@ -338,7 +336,7 @@ void incoming_calls::on_cancel(std::uint64_t id) {
     if (const auto* found = find(id)) {
         auto running = *found;
         auto service = running.of->service;
-        if (observed()) [[unlikely]]
+        if (is_observed(running)) [[unlikely]]
             observe_end(id, errc::cancelled, "its caller gave it up", nullptr);
         forget(id);
         if (running.elsewhere) {
@@ -355,6 +353,8 @@ void incoming_calls::on_cancel(std::uint64_t id) {
     if (held_.packets == 0) return;
     for (auto& of : bindings_) of->held.drop([&](const incoming_call& call) { return call.id == id; });
 }
+
+bool incoming_calls::is_observed(const running_call& which) noexcept { return call_taps::any() || which.span != 0; }
 
 incoming_calls::running_call* incoming_calls::find(std::uint64_t id) noexcept {
     auto slot = slot_of(id);
@@ -428,7 +428,7 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
     if (!running) return;
     auto& of = *running->of;
     auto number = running->number;
-    if (observed()) [[unlikely]]
+    if (is_observed(*running)) [[unlikely]]
         observe_end(id, errc{}, {}, &response);
     if (number == 0) {
         running->of = nullptr;
@@ -509,9 +509,9 @@ void incoming_calls::send_answer(std::uint64_t id, bytes_view frame) {
 }
 
 void incoming_calls::refuse(std::uint64_t id, const failure& why) {
-    if (observed()) [[unlikely]]
-        observe_end(id, why.code(), why.message(), nullptr);
     const auto* running = find(id);
+    if (running ? is_observed(*running) : call_taps::any()) [[unlikely]]
+        observe_end(id, why.code(), why.message(), nullptr);
     if (running) running->of->service->meter().failed(why.code());
     const std::uint64_t number = running ? running->number : 0;
     forget(id);

@@ -47,7 +47,8 @@ struct node_options {
     /// Where spans of calls go, as OTLP/JSON: a file, or the URL of a collector ("http://127.0.0.1:4318"). "none":
     /// there are none. Default: ISE_TRACES, else none. See docs/metrics.md.
     std::string traces;
-    /// The share of traces begun here that are kept, from 0 to 1. Default: ISE_TRACE_RATE, else 1.
+    /// The share of traces begun here that are kept, from 0 to 1. Default: ISE_TRACE_RATE, else the first 100 of each
+    /// second.
     std::optional<double> trace_rate;
 };
 

@@ -32,9 +32,32 @@ void append_attribute(std::string& to, std::string_view name, std::string_view t
     to += "}}";
 }
 
+// As OTLP numbers the kinds of spans.
+char kind_of(span::side side) noexcept {
+    switch (side) {
+        case span::side::client: return '3';
+        case span::side::server: return '2';
+        case span::side::producer: return '4';
+        case span::side::consumer: return '5';
+        case span::side::internal: break;
+    }
+    return '1';
+}
+
+// By OpenTelemetry's conventions for calls and for messages.
+void append_attributes(std::string& to, const span& one) {
+    if (one.of == span::side::internal) return append_attribute(to, "work.target", one.peer);
+    const bool packet = one.of == span::side::producer || one.of == span::side::consumer;
+    append_attribute(to, packet ? "messaging.system" : "rpc.system", "ise");
+    to += ',';
+    append_attribute(to, packet ? "messaging.destination.name" : "rpc.method", one.service);
+    if (one.of == span::side::producer) return;
+    to += ',';
+    append_attribute(to, one.of == span::side::server ? "client.address" : "server.address", one.peer);
+}
+
 void append_span(std::string& to, const span& one, duration wall_ahead) {
     const auto began = (one.began.time_since_epoch() + wall_ahead).count();
-    const bool client = one.of == span::side::client;
     to += R"({"traceId":")";
     append_hex(to, one.in.high);
     append_hex(to, one.in.trace);
@@ -46,21 +69,32 @@ void append_span(std::string& to, const span& one, duration wall_ahead) {
     }
     to += R"(","name":)";
     append_json_string(to, one.service);
-    to += client ? R"(,"kind":3,"startTimeUnixNano":")" : R"(,"kind":2,"startTimeUnixNano":")";
+    to += R"(,"kind":)";
+    to += kind_of(one.of);
+    to += R"(,"startTimeUnixNano":")";
     append_number(to, began);
     to += R"(","endTimeUnixNano":")";
     append_number(to, began + std::max<std::int64_t>(one.took.count(), 0));
-    to += R"(","attributes":[{"key":"rpc.system","value":{"stringValue":"ise"}},)";
-    append_attribute(to, "rpc.method", one.service);
-    to += ',';
-    append_attribute(to, client ? "server.address" : "client.address", one.peer);
+    to += R"(","attributes":[)";
+    append_attributes(to, one);
+    if (one.outcome != errc{}) {
+        to += ',';
+        append_attribute(to, "error.type", name_of(one.outcome));
+    }
+    to += ']';
+    if (one.linked) {
+        to += R"(,"links":[{"traceId":")";
+        append_hex(to, one.linked.high);
+        append_hex(to, one.linked.trace);
+        to += R"(","spanId":")";
+        append_hex(to, one.linked.parent);
+        to += R"("}])";
+    }
     if (one.outcome == errc{}) {
-        to += R"(],"status":{"code":1}})";
+        to += R"(,"status":{"code":1}})";
         return;
     }
-    to += ',';
-    append_attribute(to, "error.type", name_of(one.outcome));
-    to += R"(],"status":{"code":2,"message":)";
+    to += R"(,"status":{"code":2,"message":)";
     append_json_string(to, name_of(one.outcome));
     to += "}}";
 }
@@ -75,16 +109,15 @@ void set_from_environment(node_options& options, environment& env) {
     fill(options.traces, "ISE_TRACES");
     (void)metrics_address(options.metrics); // before anything begins
     if (options.traces.empty() || options.traces == "none") return;
-    if (!options.trace_rate) {
-        auto report = env.variable("ISE_TRACE_RATE");
-        auto rate = report && !report->empty() ? parse_trace_rate(*report) : result<double>(1.0);
+    if (auto report = env.variable("ISE_TRACE_RATE"); !options.trace_rate && report && !report->empty()) {
+        auto rate = parse_trace_rate(*report);
         if (!rate) throw error(rate.error().code(), "ISE_TRACE_RATE: " + rate.error().message());
         options.trace_rate = *rate;
     }
-    if (!(*options.trace_rate >= 0 && *options.trace_rate <= 1))
+    if (options.trace_rate && !(*options.trace_rate >= 0 && *options.trace_rate <= 1))
         throw error(errc::invalid_argument,
                     fmt::format("node_options::trace_rate is {}; it is from 0 to 1", *options.trace_rate));
-    options.services.traces = std::make_shared<tracer>(*options.trace_rate, env.random());
+    options.services.traces = std::make_shared<tracer>(options.trace_rate, env.random());
 }
 
 std::optional<endpoint> metrics_address(std::string_view text) {

@@ -46,7 +46,8 @@ std::string common_rows() {
          "port (default: ISE_METRICS, else none)"},
         {"--traces=TARGET", "a file, or the http URL of a collector, that gets spans of calls as OTLP/JSON (default: "
                             "ISE_TRACES, else none)"},
-        {"--trace-rate=SHARE", "of the traces that begin here, from 0 to 1 (default: ISE_TRACE_RATE, else 1)"},
+        {"--trace-rate=SHARE",
+         "of the traces that begin here, from 0 to 1 (default: ISE_TRACE_RATE, else the first 100 a second)"},
         {"--poll=MICROSECONDS", "how long its thread looks for work before it sleeps (default: ISE_POLL_US, else 0)"},
     }};
     std::string text;

@@ -6,16 +6,20 @@
 
 namespace ise {
 
+constinit thread_local detail::trace_place* detail::present_trace = nullptr;
+
 void async_stack::go_on() {
     if (phase_ != phase::suspended) { // resumed by what suspends it, which has not returned yet
         phase_ = phase::goes_on;
         return;
     }
+    auto* before = std::exchange(detail::present_trace, &trace_);
     do {
         phase_ = phase::runs;
         suspended_at_ = nullptr;
         top_.resume();
     } while (phase_ == phase::goes_on);
+    detail::present_trace = before;
     if (phase_ == phase::dropped) on_drop();
     else if (!top_) on_end();
     else phase_ = phase::suspended;

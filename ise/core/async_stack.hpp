@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/asio_configuration.hpp>
+#include <ise/core/trace_id.hpp>
 
 #include <asio/any_io_executor.hpp>
 
@@ -131,6 +132,7 @@ private:
     bool cancelled_ = false;
     bool accepts_cancellation_ = true;
     asio::any_io_executor executor_;
+    detail::trace_place trace_;
 };
 
 inline suspended_stack::~suspended_stack() {

@@ -132,6 +132,8 @@ public:
     /// Whether deadlines are told as times of the receiver's clock.
     /// Whether both sides know traces of 128 bits.
     bool tells_traces() const noexcept { return terms_.features & wire::feature::traces; }
+    /// Whether both sides know traces of published packets.
+    bool tells_packet_traces() const noexcept { return terms_.features & wire::feature::packet_traces; }
     bool tells_clock() const noexcept { return terms_.features & wire::feature::clock; }
     /// The last measured round trip of a heartbeat; zero before the first.
     duration round_trip() const noexcept { return alive_.round_trip(); }

@@ -169,10 +169,7 @@ publication_core& dynamic_publication::core() const {
 published_packet dynamic_publication::made(const dynamic_packet& packet) const {
     auto& to = core();
     const fitted_bytes raw(packet, type_);
-    published_packet made;
-    made.frame = to.share([&raw](buffer& out) { out.append(raw.view()); });
-    made.has_frame = true;
-    return made;
+    return to.encoded([&raw](buffer& out) { out.append(raw.view()); });
 }
 
 void dynamic_publication::operator()(const dynamic_packet& packet) const { core().publish(made(packet)); }

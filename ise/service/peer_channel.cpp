@@ -4,6 +4,7 @@
 #include <ise/core/sleep.hpp>
 #include <ise/service/peer_sessions.hpp>
 #include <ise/service/role_state.hpp>
+#include <ise/session/tracer.hpp>
 
 #include <asio/post.hpp>
 #include <asio/system_executor.hpp>
@@ -115,7 +116,7 @@ void peer_channel::call(std::shared_ptr<peer_channel>&& share, service_key servi
     call.types = service.types;
     call.began = on.now();
     call.deadline = saturating_add(call.began, deadline > duration{} ? deadline : runtime().options().default_deadline);
-    call.trace = {};
+    call.trace = current_trace();
     call.made_in = context_of(waiting ? waiting : on.get_executor());
     if (call.made_in) {
         call.deadline = std::min(call.deadline, call.made_in->deadline);

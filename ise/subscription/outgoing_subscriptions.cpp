@@ -1,6 +1,7 @@
 #include <ise/subscription/outgoing_subscriptions.hpp>
 
 #include <ise/packet/codec.hpp>
+#include <ise/subscription/packet_frame.hpp>
 #include <ise/wire/body.hpp>
 
 #include <fmt/format.h>
@@ -77,12 +78,16 @@ result<void> outgoing_subscriptions::on_packet(const net::carried_frame& receive
     bytes_view body = received.body;
     const bool skipped = received.header.flags & wire::flag::skipped;
     const bool stamped = (received.header.flags & wire::flag::stamped) && over_.wire().tells_stamps();
-    const std::size_t head = 8 + (skipped ? 4u : 0u) + (stamped ? 8u : 0u);
-    if (body.size() < head) return failure(errc::protocol_error, "a packet came without its sequence or its time");
+    const bool traced = (received.header.flags & wire::flag::caused) && over_.wire().tells_packet_traces();
+    const std::size_t stamp_at = 8 + (skipped ? 4u : 0u), trace_at = stamp_at + (stamped ? 8u : 0u);
+    const std::size_t head = trace_at + (traced ? packet_frame::trace_bytes : 0);
+    if (body.size() < head)
+        return failure(errc::protocol_error, "a packet came without its sequence, its time or its trace");
     packet_place place;
     place.sequence = detail::load_little<std::uint64_t>(body.data());
     if (skipped) place.skipped = detail::load_little<std::uint32_t>(body.data() + 8);
-    if (stamped) place.published_at = wall_time(duration(detail::load_little<std::int64_t>(body.data() + head - 8)));
+    if (stamped) place.published_at = wall_time(duration(detail::load_little<std::int64_t>(body.data() + stamp_at)));
+    if (traced) place.trace = packet_frame::read_trace(body.data() + trace_at);
     auto found = subscribers_.find(received.header.id);
     if (found == subscribers_.end()) return {};
     incoming_packet packet(body.subspan(head), received.object);

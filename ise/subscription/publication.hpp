@@ -112,16 +112,15 @@ private:
     publication_core& core() const { return *held(); }
     template <class Packet>
     published_packet made(Packet&& packet) const {
-        published_packet made;
         if constexpr (travels_as_object<packet_type>) {
             if (core().wants_object()) {
+                published_packet made;
                 made.object = share_packet<packet_type>(std::forward<Packet>(packet));
+                made.trace = current_trace();
                 return made;
             }
         }
-        made.frame = core().share([&packet](buffer& out) { encode(packet, out); });
-        made.has_frame = true;
-        return made;
+        return core().encoded([&packet](buffer& out) { encode(packet, out); });
     }
 
     std::shared_ptr<publication_core> core_;

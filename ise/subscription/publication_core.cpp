@@ -2,6 +2,7 @@
 
 #include <ise/core/limits.hpp>
 #include <ise/packet/codec.hpp>
+#include <ise/session/tracer.hpp>
 #include <ise/subscription/packet_frame.hpp>
 #include <ise/subscription/remote_subscriber.hpp>
 
@@ -23,9 +24,17 @@ bool publication_core::wants_object() const noexcept { return object_takers > 0 
 
 std::size_t publication_core::subscribers() const noexcept { return all_.size(); }
 
-shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet) {
+published_packet publication_core::encoded(function_ref<void(buffer&)> write_packet) {
+    published_packet made;
+    made.trace = current_trace();
+    made.frame = share(write_packet, static_cast<bool>(made.trace));
+    made.has_frame = true;
+    return made;
+}
+
+shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet, bool traced) {
     auto& room = maker_.room();
-    room.grow(packet_frame::head_bytes); // is completed in publish
+    room.grow(packet_frame::head_bytes + (traced ? packet_frame::trace_bytes : 0)); // is completed in publish
     write_packet(room);
     if (room.size() > std::numeric_limits<std::uint32_t>::max())
         throw error(errc::too_large,
@@ -33,20 +42,32 @@ shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet) {
     return maker_.share();
 }
 
-shared_bytes publication_core::frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at) {
-    auto frame = share([&](buffer& out) { object.write(out); });
-    packet_frame::complete(shared_bytes_maker::open(frame), frame.size(), usual_id, sequence, published_at);
+shared_bytes publication_core::frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at,
+                                        const trace_id& trace) {
+    auto frame = share([&](buffer& out) { object.write(out); }, static_cast<bool>(trace));
+    packet_frame::complete(shared_bytes_maker::open(frame), frame.size(), usual_id, sequence, published_at, trace);
     return frame;
+}
+
+// Its span causes what the subscribers do with the packet.
+void publication_core::record_publication(trace_id& trace) const {
+    auto* traces = runtime().options().traces.get();
+    if (!traces) return;
+    const auto id = traces->next_id();
+    traces->ended(trace, id, span::side::producer, {}, runtime().on().now(), {}, name(), runtime().self().path, {});
+    trace.parent = id;
 }
 
 void publication_core::publish(published_packet packet, const choice* wants) {
     packet.sequence = sequence_ + 1;
     packet.published_at = runtime().publication_time();
+    if (packet.trace) [[unlikely]]
+        record_publication(packet.trace);
     if (packet.has_frame) {
         packet_frame::complete(shared_bytes_maker::open(packet.frame), packet.frame.size(), usual_id, packet.sequence,
-                               packet.published_at);
+                               packet.published_at, packet.trace);
     } else if (object_takers < all_.size()) {
-        packet.frame = frame_of(packet.object, packet.sequence, packet.published_at);
+        packet.frame = frame_of(packet.object, packet.sequence, packet.published_at, packet.trace);
         packet.has_frame = true;
     }
     ++sequence_;
@@ -61,7 +82,8 @@ void publication_core::publish(published_packet packet, const choice* wants) {
     if (!too_slow.empty()) end_too_slow(too_slow);
 }
 
-// The last value is the newest for who comes now, also where later ones were for some only.
+// The last value is the newest for who comes now, also where later ones were for some only. Who comes later has no part
+// in its trace.
 std::optional<published_packet> publication_core::last_packet(bool as_object) {
     if (!last_) return std::nullopt;
     published_packet made;
@@ -72,11 +94,12 @@ std::optional<published_packet> publication_core::last_packet(bool as_object) {
         return made;
     }
     try {
-        if (!last_->has_frame) last_->frame = frame_of(last_->object, last_->sequence, last_->published_at);
+        if (!last_->has_frame) last_->frame = frame_of(last_->object, last_->sequence, last_->published_at, {});
         last_->has_frame = made.has_frame = true;
         made.frame = last_->frame;
-        if (last_->sequence == sequence_) return made;
-        made.frame = share([&](buffer& out) { out.append(last_->frame.view().subspan(packet_frame::head_bytes)); });
+        const auto head = packet_frame::head_size(made.frame.view().data());
+        if (last_->sequence == sequence_ && head == packet_frame::head_bytes) return made;
+        made.frame = share([&](buffer& out) { out.append(last_->frame.view().subspan(head)); }, false);
         packet_frame::complete(shared_bytes_maker::open(made.frame), made.frame.size(), usual_id, sequence_,
                                made.published_at);
         return made;

@@ -39,8 +39,9 @@ public:
     /// Whether a packet that can be shared as an object should be: somebody takes it so, or nobody takes anything. Who
     /// needs a frame gets it from the object.
     bool wants_object() const noexcept;
-    /// Encodes a packet once for all subscribers, as a frame that is completed when it is published.
-    shared_bytes share(function_ref<void(buffer&)> write_packet);
+    /// Encodes a packet once for all subscribers, as a frame that is completed when it is published. It belongs to the
+    /// present trace.
+    published_packet encoded(function_ref<void(buffer&)> write_packet);
     using choice = function_ref<bool(const subscriber_info&)>;
     /// Publishes to all subscribers; never blocks. With `wants`: only to those that it names; for the others it is
     /// skipped, which is no loss, and it is no last value.
@@ -77,7 +78,8 @@ public:
     void end(remote_subscriber& who, const failure& why);
 
     // For its subscribers.
-    shared_bytes frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at) override;
+    shared_bytes frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at,
+                          const trace_id& trace) override;
     void room_made() override;
     void began_to_linger(remote_subscriber& who) override;
     void stopped_lingering(remote_subscriber& who) noexcept override { std::erase(lingering_, &who); }
@@ -87,6 +89,8 @@ private:
     result<remote_subscriber*> resume(remote_subscriber& who, const wire::subscribe& terms, bool takes_objects,
                                       wire::subscribed& answer, std::uint64_t& lost);
     failure cannot_resume(const wire::subscribe& terms, std::uint64_t& lost) const;
+    shared_bytes share(function_ref<void(buffer&)> write_packet, bool traced);
+    void record_publication(trace_id& trace) const;
     void drop(remote_subscriber& who);
     subscriber_info take_out(remote_subscriber& who);
     void end_holding_up(time_point since);

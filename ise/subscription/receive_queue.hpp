@@ -1,6 +1,8 @@
 #pragma once
 #include <ise/core/bytes.hpp>
 #include <ise/core/ring.hpp>
+#include <ise/core/time.hpp>
+#include <ise/core/trace_id.hpp>
 #include <ise/session/carried_packet.hpp>
 #include <ise/subscription/received.hpp>
 
@@ -8,24 +10,36 @@
 
 namespace ise {
 
+/// What is known of a packet that belongs to a trace.
+struct traced_arrival {
+    trace_id trace;
+    time_point came{};
+};
+
 /// The published packets that a subscriber has not taken yet, encoded, one behind the other in one buffer: what is
 /// dropped was never decoded, and a burst costs a copy a packet and no allocation. Those that came as objects stand in
-/// the same line. Each knows how many packets were lost before it, and when it was published.
+/// the same line. Each knows how many packets were lost before it, and when it was published, and a few their traces.
 class receive_queue {
 public:
     bool empty() const noexcept { return count_ == 0; }
     std::size_t size() const noexcept { return count_; }
 
-    void push(passed_object packet, const packet_origin& from) {
+    void push(passed_object packet, const packet_origin& from, const traced_arrival* traced = nullptr) {
         objects_.push_back(std::move(packet));
-        push({}, from, object_mark);
+        push({}, from, object_mark, traced);
     }
-    void push(bytes_view packet, const packet_origin& from) { push(packet, from, 0); }
+    void push(bytes_view packet, const packet_origin& from, const traced_arrival* traced = nullptr) {
+        push(packet, from, 0, traced);
+    }
 
     /// The oldest; only where there is one. Valid until the next push or pop; a shared object may be taken out of it.
     incoming_packet front() noexcept {
         if (front_word() & object_mark) return {{}, &objects_.front()};
         return {{content_.data() + begin_ + head_bytes, front_size()}, nullptr};
+    }
+    /// Of the oldest, if it belongs to a trace; only where there is one.
+    const traced_arrival* front_trace() const noexcept {
+        return front_word() & traced_mark ? &traces_.front() : nullptr;
     }
     /// Removes the oldest, and gives what was known of it.
     packet_origin pop() noexcept {
@@ -33,13 +47,19 @@ public:
         from.lost_before = detail::load_little<std::uint64_t>(content_.data() + begin_);
         from.published_at = wall_time(duration(detail::load_little<std::int64_t>(content_.data() + begin_ + 16)));
         if (front_word() & object_mark) auto gone = objects_.pop_front();
+        if (front_word() & traced_mark) [[unlikely]]
+            traces_.pop_front();
         begin_ += head_bytes + front_size();
         if (--count_ == 0) drained();
         return from;
     }
 
 private:
-    void push(bytes_view packet, const packet_origin& from, std::uint64_t mark) {
+    void push(bytes_view packet, const packet_origin& from, std::uint64_t mark, const traced_arrival* traced) {
+        if (traced) [[unlikely]] {
+            traces_.push_back(*traced);
+            mark |= traced_mark;
+        }
         const std::size_t size = head_bytes + packet.size();
         if (content_.capacity() - content_.size() < size) [[unlikely]]
             make_room(size);
@@ -53,15 +73,17 @@ private:
 
     static constexpr std::size_t head_bytes = 24;
     static constexpr std::uint64_t object_mark = std::uint64_t{1} << 63;
+    static constexpr std::uint64_t traced_mark = std::uint64_t{1} << 62;
     std::uint64_t front_word() const noexcept {
         return detail::load_little<std::uint64_t>(content_.data() + begin_ + 8);
     }
-    std::size_t front_size() const noexcept { return front_word() & ~object_mark; }
+    std::size_t front_size() const noexcept { return front_word() & ~(object_mark | traced_mark); }
     void make_room(std::size_t more);
     void drained() noexcept;
 
     buffer content_;
     ring<passed_object> objects_;
+    ring<traced_arrival> traces_;
     std::size_t begin_ = 0;
     std::size_t count_ = 0;
 };

@@ -18,12 +18,13 @@ using wire::overflow;
 // So much for a lossless subscriber is written at once, before the turn ends.
 constexpr std::size_t written_at_once = 64 * 1024;
 
-// Sequence, skipped packets, time of publication.
-constexpr std::size_t most_head_bytes = 8 + 4 + 8;
+// Sequence, skipped packets, time of publication, trace.
+constexpr std::size_t most_head_bytes = 8 + 4 + 8 + packet_frame::trace_bytes;
 
 // The head of a packet's frame that is put together for one subscriber.
 struct packet_head {
-    packet_head(std::uint64_t id, std::uint64_t sequence, std::uint32_t skipped, bool stamped, wall_time published_at) {
+    packet_head(const net::connection& to, std::uint64_t id, std::uint64_t sequence, std::uint32_t skipped,
+                wall_time published_at, const trace_id& trace) {
         header.type = wire::frame_type::packet;
         header.id = id;
         detail::store_little(body.data(), sequence);
@@ -33,11 +34,16 @@ struct packet_head {
             detail::store_little(body.data() + size, skipped);
             size += 4;
         }
-        if (stamped) {
+        if (to.tells_stamps()) {
             header.flags |= wire::flag::stamped;
             detail::store_little(body.data() + size,
                                  static_cast<std::int64_t>(published_at.time_since_epoch().count()));
             size += 8;
+        }
+        if (trace && to.tells_packet_traces()) {
+            header.flags |= wire::flag::caused;
+            packet_frame::put_trace(body.data() + size, trace);
+            size += packet_frame::trace_bytes;
         }
     }
     bytes_view view() const noexcept { return bytes_view(body).first(size); }
@@ -88,7 +94,8 @@ void remote_subscriber::write_objects() {
         next.skipped += std::exchange(carried, 0);
         try {
             if (next.object)
-                next.frames = group_.frame_of(std::exchange(next.object, {}), next.sequence, next.published_at);
+                next.frames =
+                    group_.frame_of(std::exchange(next.object, {}), next.sequence, next.published_at, next.trace);
             written.push(std::move(next));
         } catch (const std::exception& thrown) {
             group_.runtime().log().warning(thrown.what(), {{"service", group_.name()}, {"peer", info_.peer}});
@@ -251,7 +258,7 @@ bool remote_subscriber::offer(const published_packet& packet) {
                                                        : losses.overrun);
     }
     const auto skipped = std::exchange(skipped_, 0);
-    if (object) queue_.push(packet.object, packet.sequence, packet.published_at, skipped);
+    if (object) queue_.push(packet.object, packet.sequence, packet.published_at, packet.trace, skipped);
     else queue_.push(packet.frame, skipped, packet_frame::id_of(packet.frame.view().data()) == id_);
     if (!line_) return true;
     line_->held_bytes() += size + send_queue::item_bytes;
@@ -272,8 +279,10 @@ void remote_subscriber::drop_oldest(std::uint64_t& reason) {
 bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
     const auto& wire = line_->wire();
     const auto largest = wire.terms().peer_accepts.max_message_bytes;
-    // Where none of them can be too large for the peer, nor goes in pieces or beside the stream, nor without its time.
-    const bool together = !wire.lossy() && wire.tells_stamps() && largest >= shared_bytes_maker::small_bytes;
+    // Where none of them can be too large for the peer, nor goes in pieces or beside the stream, nor without its time
+    // or its trace.
+    const bool together = !wire.lossy() && wire.tells_stamps() && wire.tells_packet_traces() &&
+                          largest >= shared_bytes_maker::small_bytes;
     std::size_t taken = 0;
     while (!queue_.empty() && may_send() && taken < quantum) {
         const auto& next = queue_.front();
@@ -309,7 +318,7 @@ bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
 void remote_subscriber::put_object(net::outbox& out) {
     auto next = pop(1);
     if (policy_ == overflow::lossless) keep(next);
-    packet_head head(id_, next.sequence, next.skipped, line_->wire().tells_stamps(), next.published_at);
+    packet_head head(line_->wire(), id_, next.sequence, next.skipped, next.published_at, next.trace);
     out.put_object(head.header, head.view(), next.object.pass());
     ++sent_;
 }
@@ -318,9 +327,9 @@ void remote_subscriber::put_alone(net::outbox& out) {
     auto next = pop(1);
     if (policy_ == overflow::lossless) keep(next);
     const auto* frame = next.frames.view().data();
-    packet_head head(id_, packet_frame::sequence_of(frame), next.skipped, line_->wire().tells_stamps(),
-                     packet_frame::published_at(frame));
-    out.put_packet(*this, head.header, head.view(), next.frames.behind(packet_frame::head_bytes));
+    packet_head head(line_->wire(), id_, packet_frame::sequence_of(frame), next.skipped,
+                     packet_frame::published_at(frame), packet_frame::trace_of(frame));
+    out.put_packet(*this, head.header, head.view(), next.frames.behind(packet_frame::head_size(frame)));
     ++sent_;
 }
 

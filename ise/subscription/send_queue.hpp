@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/core/ring.hpp>
 #include <ise/core/time.hpp>
+#include <ise/core/trace_id.hpp>
 #include <ise/packet/packet_object.hpp>
 #include <ise/packet/shared_bytes.hpp>
 
@@ -21,6 +22,7 @@ public:
         shared_packet object;       ///< in place of the frame
         std::uint64_t sequence = 0; ///< of the object
         wall_time published_at{};   ///< the object
+        trace_id trace;             ///< of the object
 
         std::size_t cost() const noexcept { return frames.size() + object.weight + packets * item_bytes; }
     };
@@ -41,17 +43,18 @@ public:
                 return;
             }
         }
-        stretches_.push_back({frame, 1, skipped, addressed, {}, 0, {}});
+        stretches_.push_back({frame, 1, skipped, addressed, {}, 0, {}, {}});
     }
     void push(stretch whole) {
         packets_ += whole.packets;
         cost_ += whole.cost();
         stretches_.push_back(std::move(whole));
     }
-    void push(const shared_packet& object, std::uint64_t sequence, wall_time published_at, std::uint32_t skipped) {
+    void push(const shared_packet& object, std::uint64_t sequence, wall_time published_at, const trace_id& trace,
+              std::uint32_t skipped) {
         ++packets_;
         cost_ += object.weight + item_bytes;
-        stretches_.push_back({{}, 1, skipped, false, object, sequence, published_at});
+        stretches_.push_back({{}, 1, skipped, false, object, sequence, published_at, trace});
     }
 
     /// The oldest; only where there is one.

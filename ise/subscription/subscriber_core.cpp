@@ -2,6 +2,7 @@
 
 #include <ise/packet/compatibility.hpp>
 #include <ise/session/conversation.hpp>
+#include <ise/session/tracer.hpp>
 
 #include <fmt/format.h>
 
@@ -277,8 +278,12 @@ void subscriber_core::keep(const packet_place& place, incoming_packet& packet) {
     packet_origin from;
     from.lost_before = std::exchange(lost_before_, 0);
     from.published_at = place.published_at;
-    if (packet.object()) queue_.push(std::move(*packet.object()), from);
-    else queue_.push(packet.bytes(), from);
+    traced_arrival traced;
+    if (place.trace) [[unlikely]]
+        traced = {place.trace, on_.now()};
+    const auto* trace = place.trace ? &traced : nullptr;
+    if (packet.object()) queue_.push(std::move(*packet.object()), from, trace);
+    else queue_.push(packet.bytes(), from, trace);
     ++counts_.received;
     ++owner_->runtime().counts().packets_received;
     packet_.resume();
@@ -348,7 +353,25 @@ incoming_packet* subscriber_core::waiting_packet() noexcept {
 
 void subscriber_core::drop_oldest() { gap_ = gap_of(gap_of(gap_, queue_.pop().lost_before), 1); }
 
+// The coroutine that takes the packet works for its trace from here on, unless it works for a call.
+void subscriber_core::follow_trace() {
+    trace_id in;
+    if (const auto* arrived = queue_.front_trace()) {
+        in = arrived->trace;
+        auto& runtime = owner_->runtime();
+        if (auto* traces = runtime.options().traces.get()) {
+            const auto id = traces->next_id();
+            traces->ended(in, id, span::side::consumer, {}, arrived->came, runtime.env().now() - arrived->came,
+                          service_, runtime.self().path, owner_->name());
+            in.parent = id;
+        }
+    }
+    work_for(in);
+}
+
 packet_origin subscriber_core::take_packet() {
+    if (queue_.front_trace() || current_trace()) [[unlikely]]
+        follow_trace();
     auto from = queue_.pop();
     from.lost_before = gap_of(std::exchange(gap_, 0), from.lost_before);
     ++consumed_;

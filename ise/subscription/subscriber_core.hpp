@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/task.hpp>
+#include <ise/core/trace_id.hpp>
 #include <ise/core/waiter.hpp>
 #include <ise/packet/adapt.hpp>
 #include <ise/session/contract.hpp>
@@ -23,6 +24,7 @@ struct packet_place {
     std::uint64_t sequence = 0;
     std::uint32_t skipped = 0;
     wall_time published_at = detail::no_stamp;
+    trace_id trace;
 };
 
 /// A subscriber that left and waits for the provider's answer.
@@ -183,6 +185,7 @@ protected:
 private:
     result<void> on_other_packet(const packet_place& place, incoming_packet& packet);
     void keep(const packet_place& place, incoming_packet& packet);
+    void follow_trace();
     void finish(failure why);
     void drop_oldest();
     void count_undecodable(const error& why);

@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/time.hpp>
+#include <ise/core/trace_id.hpp>
 #include <ise/packet/packet_object.hpp>
 #include <ise/packet/shared_bytes.hpp>
 
@@ -27,6 +28,7 @@ struct published_packet {
     bool has_frame = false;
     std::uint64_t sequence = 0;
     wall_time published_at{};
+    trace_id trace;
 };
 
 /// Packets that were not sent to a subscriber, by their reason, and subscribers that were ended.
@@ -45,7 +47,8 @@ public:
     const std::string& name() const noexcept { return name_; }
 
     /// The object as a frame, for a subscriber that does not take objects any more. Throws what encoding throws.
-    virtual shared_bytes frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at) = 0;
+    virtual shared_bytes frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at,
+                                  const trace_id& trace) = 0;
     /// A publisher that waits for room may go on.
     virtual void room_made() = 0;
     /// Its session is gone, and it is kept for a while; until it is attached again, or vanishes.

@@ -52,7 +52,9 @@ inline constexpr std::uint8_t until = 8;    ///< request: its time is one of the
 inline constexpr std::uint8_t wide = 16;    ///< request: of a trace of 128 bits the upper half, too (`feature::traces`)
 inline constexpr std::uint8_t skipped = 1;  ///< packet: the body carries a count of packets skipped by rate limit
 inline constexpr std::uint8_t stamped = 2;  ///< packet: the body carries its time of publication (`feature::stamps`)
-inline constexpr std::uint8_t last = 1;     ///< piece: the message is complete
+/// Packet: the body carries the trace of its publication (`feature::packet_traces`).
+inline constexpr std::uint8_t caused = 4;
+inline constexpr std::uint8_t last = 1;      ///< piece: the message is complete
 inline constexpr std::uint8_t abandoned = 2; ///< piece: the sender gave the message up
 inline constexpr std::uint8_t stalled = 1;   ///< pong: the component is busy; its node answers for it
 inline constexpr std::uint8_t objects = 1;   ///< subscribe: packets may come beside (`feature::objects`)

@@ -21,10 +21,12 @@ inline constexpr std::uint64_t resume = 4;  ///< subscriptions can be resumed by
 inline constexpr std::uint64_t objects = 8; ///< within one process: packets as the objects that they are
 /// What a side's clock says is told, and deadlines are times of the provider's.
 inline constexpr std::uint64_t clock = 16;
-inline constexpr std::uint64_t stamps = 32;                           ///< packets carry the time of their publication
-inline constexpr std::uint64_t traces = 64;                           ///< traces have 128 bits
-inline constexpr std::uint64_t first = pieces | schemas | resume;     ///< those of every peer
-inline constexpr std::uint64_t all = first | clock | stamps | traces; ///< over every transport
+inline constexpr std::uint64_t stamps = 32;                       ///< packets carry the time of their publication
+inline constexpr std::uint64_t traces = 64;                       ///< traces have 128 bits
+inline constexpr std::uint64_t packet_traces = 128;               ///< published packets carry traces
+inline constexpr std::uint64_t first = pieces | schemas | resume; ///< those of every peer
+/// Over every transport.
+inline constexpr std::uint64_t all = first | clock | stamps | traces | packet_traces;
 } // namespace feature
 
 /// Who speaks.

@@ -64,6 +64,10 @@ def stamped(sequence: int, skipped: int | None = None, at: int = 1_500_000_000_0
     return encode_frame("packet", 1, head + struct.pack("<q", at) + said("fix"), 2 | (skipped is not None))
 
 
+def caused(sequence: int, trace: int = 5, at: int = 1_500_000_000_000_000_000) -> bytes:
+    return encode_frame("packet", 1, struct.pack("<QqQQQ", sequence, at, trace, 6, 7) + said("fix"), 2 | 4)
+
+
 def packet(sequence: int, id: int = 1, skipped: int | None = None, body: bytes = said("fix")) -> bytes:
     if skipped is None:
         return encode_frame("packet", id, struct.pack("<Q", sequence) + body)
@@ -128,6 +132,7 @@ SUBSCRIBED = GREETED + I(subscribe()) + R(subscribed())
 STAMPED = I(hello(features=39)) + R(welcome(features=39)) + I(subscribe(min_interval_ns=1)) + R(subscribed())
 
 
+CAUSED = I(hello(features=167)) + R(welcome(features=167)) + I(subscribe(min_interval_ns=1)) + R(subscribed())
 TRACED = I(hello(features=71)) + R(welcome(features=71))
 
 
@@ -278,6 +283,9 @@ BROKEN: dict[str, tuple[Session, str]] = {
     "a short stamped packet": (STAMPED + R(encode_frame("packet", 1, b"x" * 15, 2)), "at least 16 bytes"),
     "a packet without its time": (STAMPED + R(packet(1)), "both sides tell times of publication, and it has none"),
     "a time that nobody understands": (SUBSCRIBED + R(stamped(1)), "flags 0x2 are not defined"),
+    "a short traced packet": (CAUSED + R(encode_frame("packet", 1, b"x" * 39, 6)), "at least 40 bytes"),
+    "a traced packet without a trace": (CAUSED + R(caused(1, trace=0)), "a traced packet has a trace"),
+    "a trace that nobody understands": (STAMPED + R(caused(1)), "flags 0x6 are not defined"),
     "backwards": (SUBSCRIBED + R(packet(2), packet(2)), "sequence 2 is below the expected 3"),
     "too many skipped": (GREETED + I(subscribe(min_interval_ns=1)) + R(subscribed(), packet(2, skipped=2)), "2 skipped of 1"),
     "lossless that loses": (GREETED + I(subscribe(policy=2, credit=9)) + R(subscribed(), packet(2)), "policy 2 loses nothing"),

@@ -3,7 +3,7 @@ import hmac
 from typing import Any
 
 import schema
-from frames import (CLOCK, CODES, DIGEST, FIRST_PIECE, FLAGS, FLAGS_OVER_DATAGRAMS, FLAGS_WITH_CLOCKS, FLAGS_WITH_STAMPS, TRACES, FLAGS_WITH_TRACES, LONGEST_HANDSHAKE, MAGIC,
+from frames import (CLOCK, CODES, DIGEST, FIRST_PIECE, FLAGS, FLAGS_OVER_DATAGRAMS, FLAGS_WITH_CLOCKS, FLAGS_WITH_STAMPS, TRACES, FLAGS_WITH_TRACES, PACKET_TRACES, FLAGS_WITH_PACKET_TRACES, LONGEST_HANDSHAKE, MAGIC,
                     NONCE, NUMBERS, SCHEME, STAMPS, TYPES, WITHOUT_ID,
                     Frame, encode_frame, prove, read_body)
 from packet import Malformed, decode, to_json
@@ -141,6 +141,7 @@ class Checker:
         known |= sum(FLAGS_WITH_CLOCKS.get(name, {}) if self.has(CLOCK) else ())
         known |= sum(FLAGS_WITH_STAMPS.get(name, {}) if self.has(STAMPS) else ())
         known |= sum(FLAGS_WITH_TRACES.get(name, {}) if self.has(TRACES) else ())
+        known |= sum(FLAGS_WITH_PACKET_TRACES.get(name, {}) if self.has(PACKET_TRACES) else ())
         if frame.type in TYPES:
             self.require(not frame.flags & ~known, side, frame, f"flags {frame.flags:#x} are not defined for it")
         if name in WITHOUT_ID:

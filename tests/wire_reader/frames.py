@@ -22,7 +22,8 @@ FLAGS_OVER_DATAGRAMS = {"request": {2: "numbered", 4: "again"}}
 FLAGS_WITH_CLOCKS = {"request": {8: "until"}}
 FLAGS_WITH_STAMPS = {"packet": {2: "stamped"}}
 FLAGS_WITH_TRACES = {"request": {16: "wide"}}
-CLOCK, STAMPS, TRACES = 16, 32, 64  # the features
+FLAGS_WITH_PACKET_TRACES = {"packet": {4: "traced"}}
+CLOCK, STAMPS, TRACES, PACKET_TRACES = 16, 32, 64, 128  # the features
 WITHOUT_ID = {"hello", "welcome", "reject", "challenge", "proof", "goodbye", "schema_request", "schema"}
 CODES = ("refused no_such_service type_mismatch timed_out peer_lost cancelled overloaded handler_failed malformed too_large "
          "protocol_error version_mismatch wrong_peer unreachable no_such_name name_taken name_server_lost superseded "

@@ -3,7 +3,7 @@ import struct
 from dataclasses import dataclass, field
 from typing import Any
 
-from frames import STAMPS
+from frames import PACKET_TRACES, STAMPS
 
 LOSSLESS, DISCONNECT = 2, 3
 
@@ -99,7 +99,8 @@ class SubscriptionRules:
         out = self.of_provider(side, frame)
         skips = bool(frame.flags & 1)
         stamped = self.on.has(STAMPS) and bool(frame.flags & 2)
-        prefix = 8 + 4 * skips + 8 * stamped
+        traced = self.on.has(PACKET_TRACES) and bool(frame.flags & 4)
+        prefix = 8 + 4 * skips + 8 * stamped + 24 * traced
         if not self.on.require(len(frame.body) >= prefix, side, frame, f"a packet has at least {prefix} bytes") or not out:
             return None
         sequence = struct.unpack_from("<Q", frame.body)[0]
@@ -107,8 +108,12 @@ class SubscriptionRules:
         said = {"sequence": sequence, "skipped": skipped}
         self.on.require(stamped or not self.on.has(STAMPS), side, frame, "both sides tell times of publication, and it has none")
         if stamped:
-            said["published_ns"] = struct.unpack_from("<q", frame.body, prefix - 8)[0]
+            said["published_ns"] = struct.unpack_from("<q", frame.body, 8 + 4 * skips)[0]
             self.on.note(said["published_ns"] > 0, side, frame, "it was published before 1970")
+        if traced:
+            said["trace"], said["parent"], high = struct.unpack_from("<QQQ", frame.body, prefix - 24)
+            said["trace"] |= high << 64
+            self.on.require(said["trace"] & (1 << 64) - 1 != 0, side, frame, "a traced packet has a trace")
         if not self.on.require(out.terms is not None, side, frame, "the answer precedes the first packet"):
             return said
         if not self.on.require(sequence >= out.expected, side, frame, f"sequence {sequence} is below the expected {out.expected}"):

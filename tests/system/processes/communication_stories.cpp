@@ -114,3 +114,27 @@ TEST_CASE(
     CHECK(check(it.file("no.db")).exit_code == 1);
     CHECK(ise_test::run_program({"atirma", "store", "check"}).exit_code == 2);
 }
+
+TEST_CASE(
+    "processes: a telecommand is traced from the operator's call through node and proxy to the boat, whose span is "
+    "linked by the telecommand's number") {
+    two_nodes it;
+    REQUIRE(it.until([&] {
+        return it.call("atirma/communication", "authority", R"({"action":"take"})", "atirma/operators/ana").exit_code ==
+               0;
+    }));
+    CHECK_THAT(it.set_mode(2, "hold").out, Contains(R"("state":"acknowledged")"));
+    const std::vector<std::string> way{"calls 'telecommand' of atirma/shore/xbee",
+                                       "atirma/shore/xbee answers 'telecommand'",
+                                       "atirma/shore/xbee: set_mode over xbee to the boat", "executes set_mode"};
+    const auto drawn = it.trace_of("atirma/operators/ana", "telecommand", way);
+    INFO(drawn);
+    std::size_t at = drawn.find("atirma/operators/ana calls 'telecommand'");
+    REQUIRE(at != std::string::npos);
+    for (const auto& step : way) {
+        const auto next = drawn.find(step, at);
+        CHECK(next != std::string::npos);
+        if (next != std::string::npos) at = next;
+    }
+    CHECK_THAT(drawn, !Contains("is not in these files"));
+}

@@ -4,13 +4,16 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <map>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <unistd.h>
 #include <vector>
 
@@ -64,6 +67,18 @@ public:
         words.insert(words.end(), {"call", whom, service, request});
         return ise_test::run_program(words, variables());
     }
+    /// The newest trace of a call that this component made, drawn, once that holds all of these texts; else what was
+    /// drawn last.
+    std::string trace_of(const std::string& who, const std::string& service, const std::vector<std::string>& texts) {
+        std::string drawn;
+        until([&] {
+            const auto id = newest_trace(who, service);
+            if (id.empty()) return false;
+            drawn = ise_test::run_program({"ise", "trace", file("spans.jsonl"), "--id", id}, variables()).out;
+            return std::ranges::all_of(texts, [&](const auto& text) { return drawn.find(text) != drawn.npos; });
+        });
+        return drawn;
+    }
     /// The next packet.
     std::string next_of(const std::string& whom, const std::string& service) {
         return ise_test::run_program({"ise", "--wait", "--timeout", "60s", "echo", "--count", "1", whom, service},
@@ -79,9 +94,22 @@ public:
     std::string file(const std::string& name) const { return folder_ + "/" + name; }
 
 private:
+    // A program writes its spans as a line of OTLP: the id of a trace stands before the name of its span.
+    std::string newest_trace(const std::string& who, const std::string& service) const {
+        std::ifstream in(file("spans.jsonl"));
+        std::string id;
+        for (std::string line; std::getline(in, line);) {
+            const auto name = line.rfind("\"name\":\"" + service + "\",\"kind\":3");
+            if (name == line.npos || line.find("\"stringValue\":\"" + who + "\"") == line.npos) continue;
+            constexpr std::string_view before = "\"traceId\":\"";
+            id = line.substr(line.rfind(before, name) + before.size(), 32);
+        }
+        return id;
+    }
+
     ise_test::start_options variables() const {
         ise_test::start_options made;
-        made.variables = {{"ATIRMA_ROCKBLOCK_PASSWORD", "atirma"}};
+        made.variables = {{"ATIRMA_ROCKBLOCK_PASSWORD", "atirma"}, {"ISE_TRACES", file("spans.jsonl")}};
         if (!names_.empty()) made.variables.emplace_back("ISE_NAME_SERVER", names_);
         return made;
     }

@@ -3,10 +3,14 @@
 #include <ise/component/observing.hpp>
 #include <ise/http/http_server.hpp>
 
+#include <asio/post.hpp>
+
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
 #include <cstdio>
 #include <fstream>
+#include <functional>
 #include <future>
 #include <map>
 #include <set>
@@ -99,9 +103,132 @@ const seen_span& one_of(const std::vector<seen_span>& all, const std::string& na
     return all.front();
 }
 
-constexpr int server = 2, client = 3;
+constexpr int server = 2, client = 3, producer = 4, consumer = 5;
+
+struct note {
+    std::string text; // within a process it travels as an object
+};
+inline constexpr ise::subscription<note> notes{"notes"};
+
+/// `echo` of sea/boat publishes a note, of which sea/plotter, that follows the notes, tells sea/gate by `relay`. Asks
+/// echo, then publishes a note outside of any call, and waits until sea/gate has heard of both.
+void publish_notes(ise::environment& env, const ise::node_options& options, const std::string& transport) {
+    ise::node gate_node(env, options), boat_node(env, options), plotter_node(env, options), asking(env, options);
+    const bool inside = transport.starts_with("inproc");
+    std::promise<void> once, twice;
+    int heard = 0;
+    auto& gate = gate_node.start(
+        "sea/gate",
+        [&](ise::component& self) -> task<> {
+            self.provide(relay, [&](question asked) {
+                if (++heard == 1) once.set_value();
+                if (heard == 2) twice.set_value();
+                return reply{asked.text};
+            });
+            co_await self.ready();
+            co_await self.sleep(1h);
+        },
+        at("tcp://127.0.0.1:0"));
+    std::function<void()> publish_again;
+    auto& boat = boat_node.start(
+        "sea/boat",
+        [&](ise::component& self) -> task<> {
+            auto out = self.publish(notes);
+            publish_again = [out] { out(note{"2"}); };
+            self.provide(echo, [out](question asked) -> task<reply> {
+                out(note{"1"});
+                co_return reply{asked.text};
+            });
+            co_await self.ready();
+            co_await self.sleep(1h);
+        },
+        at(transport));
+    auto boat_at = boat.services().listening().front();
+    auto gate_at = gate.services().listening().front();
+    std::promise<void> following;
+    (inside ? boat_node : plotter_node).start("sea/plotter", [&](ise::component& self) -> task<> {
+        auto from = self.at(boat_at), to = self.at(gate_at);
+        auto some = co_await from.subscribe(notes);
+        following.set_value();
+        for (;;) {
+            auto packet = co_await some.next();
+            co_await to.call(relay, packet->text, 10s);
+        }
+    });
+    following.get_future().wait();
+    run_on(asking, [&](ise::component& self) -> task<> {
+        auto to = self.at(boat_at);
+        if (!inside) co_await to.call(echo, "x", 10s);
+    });
+    if (inside) {
+        boat_node.start("sea/asking", [&](ise::component& self) -> task<> {
+            auto to = self.at(boat_at);
+            co_await to.call(echo, "x", 10s);
+        });
+    }
+    once.get_future().wait();
+    asio::post(boat.get_executor(), [&] { publish_again(); });
+    twice.get_future().wait();
+}
 
 } // namespace
+
+TEST_CASE("a packet that a handler publishes takes the trace of its call to the calls that a subscriber makes with it, "
+          "and the next packet does not") {
+    const std::string transport = GENERATE("tcp://127.0.0.1:0", "inproc://traced-notes");
+    ise::real_environment env;
+    auto options = without_names();
+    options.traces = file_of(env, "traces_of_packets");
+    publish_notes(env, options, transport);
+    auto all = spans_in(options.traces);
+    std::remove(options.traces.c_str());
+    const auto &asked = one_of(all, "echo", client), &served = one_of(all, "echo", server),
+               &published = one_of(all, "notes", producer), &taken = one_of(all, "notes", consumer);
+    CHECK(served.parent == asked.id);
+    CHECK(published.parent == served.id);
+    CHECK(published.component == "sea/boat");
+    CHECK(taken.parent == published.id);
+    CHECK(taken.component == "sea/plotter");
+    std::vector<seen_span> told;
+    for (const auto& each : all)
+        if (each.name == "relay" && each.kind == client) told.push_back(each);
+    REQUIRE(told.size() == 2);
+    const auto& first = told[0].trace == asked.trace ? told[0] : told[1];
+    const auto& second = &first == &told[0] ? told[1] : told[0];
+    CHECK(first.trace == asked.trace);
+    CHECK(first.parent == taken.id);
+    CHECK(second.trace != asked.trace);
+    CHECK(second.parent.empty());
+    CHECK(std::ranges::count_if(all, [](const auto& each) { return each.kind == consumer; }) == 1);
+}
+
+TEST_CASE("without a rate as many traces are kept as the export takes lightly, and again after it") {
+    ise::tracer spans(std::nullopt, 3);
+    auto kept = [&] {
+        std::uint32_t count = 0;
+        for (std::uint32_t at = 0; at < 3 * ise::tracer::usual_traces; ++at) {
+            ise::trace_id in;
+            std::uint64_t caused_by = 0;
+            count += spans.begin_call(in, caused_by, false);
+        }
+        return count;
+    };
+    CHECK(kept() == ise::tracer::usual_traces);
+    CHECK(kept() == 0);
+    (void)spans.take();
+    CHECK(kept() == ise::tracer::usual_traces);
+}
+
+TEST_CASE("a numbered trace is the same at both ends, and another for another number") {
+    const auto one = ise::numbered_trace("boat", 7), same = ise::numbered_trace("boat", 7);
+    CHECK(one.trace == same.trace);
+    CHECK(one.high == same.high);
+    CHECK(one.parent == same.parent);
+    CHECK(one.trace != 0);
+    CHECK(one.parent != 0);
+    CHECK(ise::numbered_trace("boat", 8).trace != one.trace);
+    CHECK(ise::numbered_trace("buoy", 7).trace != one.trace);
+}
 
 TEST_CASE("both sides of a call and of the call that its handler makes are spans of one trace, each caused by the one "
           "before") {

@@ -1,6 +1,7 @@
 // The time of publication that packets carry, and peers that do not know of it.
 #include <ise/core/little_endian.hpp>
 #include <ise/core/loop.hpp>
+#include <ise/core/trace_id.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/service/dynamic.hpp>
 #include <ise/wire/frame.hpp>
@@ -187,6 +188,82 @@ TEST_CASE("a peer of this version gets the time behind the sequence, and the cou
     CHECK(ise::detail::load_little<std::uint32_t>(frame->body.data() + 8) == 1);
     CHECK(ise::detail::load_little<std::int64_t>(frame->body.data() + 12) == last.time_since_epoch().count());
     CHECK(ise::decode<fix>(ise::bytes_view(frame->body).subspan(20)).latitude_deg == 3);
+}
+
+TEST_CASE("a packet that is published for a trace carries it to peers that know of it, to others not, and to later "
+          "subscribers not") {
+    fixture at;
+    at.boat.listen("tcp://0.0.0.0:7400");
+    const bool knows = GENERATE(true, false);
+    raw_peer peer(at.all, at.all.world.host("peer").start_process("peer"), "tcp://boat:7400");
+    ise::wire::hello hello;
+    hello.self.incarnation = 7;
+    hello.features = knows ? ise::wire::feature::all : ise::wire::feature::all & ~ise::wire::feature::packet_traces;
+    peer.greet(hello);
+    auto terms = terms_of(position.types());
+    terms.min_interval_ns = 1'000'000'000;
+    peer.say(ise::wire::frame_type::subscribe, 1, terms);
+    at.all.run_until([&] { return at.out.subscribers() == 1; });
+    at.publish(1);
+    at.publish(2); // is skipped
+    at.all.world.run_for(2s);
+    {
+        const ise::detail::trace_scope works_for({{5, 6, 7}, false});
+        at.publish(3);
+    }
+    at.all.run_until([&] { return peer.count(ise::wire::frame_type::packet) == 2; });
+    const auto* frame = peer.last(ise::wire::frame_type::packet);
+    const std::uint8_t usual = ise::wire::flag::skipped | ise::wire::flag::stamped;
+    const std::size_t head = knows ? 20 + 24 : 20;
+    CHECK(frame->header.flags == (knows ? usual | ise::wire::flag::caused : usual));
+    REQUIRE(frame->body.size() == head + ise::encode(fix{}).size());
+    if (knows) {
+        CHECK(ise::detail::load_little<std::uint64_t>(frame->body.data() + 20) == 5);
+        CHECK(ise::detail::load_little<std::uint64_t>(frame->body.data() + 28) == 6);
+        CHECK(ise::detail::load_little<std::uint64_t>(frame->body.data() + 36) == 7);
+    }
+    CHECK(ise::decode<fix>(ise::bytes_view(frame->body).subspan(head)).latitude_deg == 3);
+
+    raw_peer late(at.all, at.all.world.host("late").start_process("late"), "tcp://boat:7400");
+    late.greet(hello);
+    late.say(ise::wire::frame_type::subscribe, 1, terms_of(position.types()));
+    at.all.run_until([&] { return late.count(ise::wire::frame_type::packet) == 1; });
+    frame = late.last(ise::wire::frame_type::packet);
+    CHECK(frame->header.flags == ise::wire::flag::stamped);
+    CHECK(ise::detail::load_little<std::uint64_t>(frame->body.data()) == 3);
+    CHECK(ise::decode<fix>(ise::bytes_view(frame->body).subspan(16)).latitude_deg == 3);
+}
+
+TEST_CASE("packets for a trace and others in one burst arrive in their order, each with its own, without loss") {
+    fixture at;
+    at.boat.listen("tcp://0.0.0.0:7400");
+    auto options = ise::subscribe_options::lossless(100);
+    std::vector<std::uint64_t> traces;
+    std::vector<double> numbers;
+    auto follow = [&](ise::remote from) -> ise::task<> {
+        auto fixes = co_await from.subscribe(position, options);
+        while (numbers.size() < 20) {
+            auto packet = co_await fixes.next();
+            numbers.push_back(packet->latitude_deg);
+            traces.push_back(ise::current_trace().trace);
+        }
+    };
+    auto got = start(at.shore.on, follow(at.shore.at("tcp://boat:7400")));
+    at.all.run_until([&] { return at.out.subscribers() == 1; });
+    {
+        ise::loop::turn in(at.boat.on);
+        for (int i = 1; i <= 20; ++i) {
+            ise::trace_id trace;
+            if (i % 3 == 0) trace.trace = static_cast<std::uint64_t>(i);
+            const ise::detail::trace_scope works_for({trace, false});
+            at.out(fix{double(i), 0, 0});
+        }
+    }
+    at.all.run_until([&] { return got->done; });
+    for (int i = 1; i <= 20; ++i) {
+        CHECK(numbers.at(static_cast<std::size_t>(i - 1)) == i);
+        CHECK(traces.at(static_cast<std::size_t>(i - 1)) == (i % 3 == 0 ? static_cast<std::uint64_t>(i) : 0));
+    }
 }
 
 } // namespace stamps_test
