@@ -1,143 +1,19 @@
 // Sockets of the real world, on a loop of ISE's own and on an io_context of the program.
-#include <ise/asio.hpp>
-#include <ise/core/real/environment.hpp>
-#include <ise/core/sleep.hpp>
+#include "sockets.hpp"
 
 #include <support/catch.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>
-#include <asio/io_context.hpp>
 #include <asio/ip/tcp.hpp>
 #include <asio/steady_timer.hpp>
-#include <asio/use_future.hpp>
 
 #include <atomic>
-#include <csignal>
-#include <future>
-#include <optional>
-#include <string>
-#include <thread>
-
-#include <pthread.h>
-#include <unistd.h>
 
 namespace sockets_test {
 
-using namespace std::chrono_literals;
-using ise::task;
-
-namespace {
-
-constexpr std::size_t much = 16 << 20; // more than the system holds
-
-// A loop of either kind; what is made on it goes before it.
-struct place {
-    explicit place(bool own) {
-        if (own) {
-            host = env.make_loop("sockets");
-            return;
-        }
-        host = env.adopt(io.get_executor(), true);
-        thread = std::thread([this] { io.run(); });
-    }
-    ~place() {
-        if (!thread.joinable()) {
-            host->end();
-            return;
-        }
-        std::promise<void> ended;
-        asio::post(io, [&] {
-            host->end();
-            ended.set_value();
-        });
-        ended.get_future().wait();
-        work.reset();
-        io.stop();
-        thread.join();
-    }
-    template <class T>
-    T run(task<T> what) {
-        return ise::async_run(host->loop().get_executor(), std::move(what), asio::use_future).get();
-    }
-
-    ise::real_environment env;
-    asio::io_context io{1};
-    std::optional<asio::executor_work_guard<asio::io_context::executor_type>> work{io.get_executor()};
-    std::unique_ptr<ise::loop_host> host;
-    std::thread thread;
-};
-
-struct pair {
-    std::unique_ptr<ise::listener> ear;
-    std::unique_ptr<ise::stream> near, far;
-};
-
-task<pair> connected(place& at, ise::endpoint where) {
-    pair made;
-    made.ear = at.env.listen(at.host->loop(), where).value();
-    auto line = co_await at.env.connect(at.host->loop(), made.ear->where());
-    made.near = std::move(line).value();
-    auto [problem, stranger] = co_await made.ear->accept();
-    if (problem) throw std::system_error(problem);
-    made.far = std::move(stranger);
-    co_return made;
-}
-
-ise::endpoint endpoint_of(bool tcp) {
-    static int count = 0;
-    auto name = "local://@ise-sockets-" + std::to_string(::getpid()) + "-" + std::to_string(count++);
-    return ise::endpoint::parse(tcp ? "tcp://127.0.0.1:0" : name).value();
-}
-
-task<> write_all(ise::stream& to, std::size_t left) {
-    const std::string piece(100'000, 'x');
-    while (left > 0) {
-        const asio::const_buffer rest(piece.data(), std::min(left, piece.size()));
-        const auto wrote = to.try_write({&rest, 1});
-        left -= wrote.bytes;
-        if (wrote.problem == asio::error::would_block) {
-            auto problem = co_await to.wait_writable();
-            if (problem) throw std::system_error(problem);
-        } else if (wrote.problem) {
-            throw std::system_error(wrote.problem);
-        }
-    }
-    to.shutdown_write();
-}
-
-// How much came before the end.
-task<std::size_t> read_all(ise::stream& from) {
-    std::string room(4096, ' ');
-    std::size_t come = 0;
-    for (;;) {
-        auto got = co_await from.read_some(asio::buffer(room));
-        come += got.bytes;
-        if (got.problem == asio::error::eof) co_return come;
-        if (got.problem) throw std::system_error(got.problem);
-    }
-}
-
-task<std::error_code> read_error(ise::stream& from) {
-    std::string room(16, ' ');
-    auto got = co_await from.read_some(asio::buffer(room));
-    co_return got.problem;
-}
-
-task<> close(ise::stream& what) {
-    what.close();
-    co_return;
-}
-
-task<> drop(pair& what) {
-    what = {};
-    co_return;
-}
-
-} // namespace
-
 TEST_CASE("sockets: all that is written comes, and then the end, while the other way goes on") {
     for (bool own : {true, false})
-        for (bool tcp : {true, false}) {
+        for (bool tcp : kinds()) {
             INFO(own << tcp);
             place at(own);
             auto two = at.run(connected(at, endpoint_of(tcp)));
@@ -169,7 +45,7 @@ TEST_CASE("sockets: closing ends a read that waits, and so does the peer's end")
 
 TEST_CASE("sockets: connecting where nobody listens fails") {
     for (bool own : {true, false})
-        for (bool tcp : {true, false}) {
+        for (bool tcp : kinds()) {
             place at(own);
             auto two = at.run(connected(at, endpoint_of(tcp)));
             auto where = two.ear->where();
@@ -208,35 +84,6 @@ TEST_CASE("sockets: a peer that sends without a pause does not keep others of th
     at.run(drop(two));
     reads.get();
     at.run(drop(other));
-}
-
-TEST_CASE("sockets: signals that interrupt the loop's calls lose and repeat nothing") {
-    struct sigaction quiet {};
-    struct sigaction before {};
-    quiet.sa_handler = [](int) {}; // without SA_RESTART
-    ::sigaction(SIGUSR2, &quiet, &before);
-    for (bool own : {true, false})
-        for (bool tcp : {true, false}) {
-            INFO(own << tcp);
-            place at(own);
-            auto two = at.run(connected(at, endpoint_of(tcp)));
-            auto self = [](ise::loop&) -> task<pthread_t> { co_return ::pthread_self(); };
-            const pthread_t thread = at.run(self(at.host->loop()));
-            std::atomic<bool> enough{false};
-            std::thread storm([&] {
-                while (!enough) {
-                    ::pthread_kill(thread, SIGUSR2);
-                    std::this_thread::yield();
-                }
-            });
-            auto come = ise::async_run(at.host->loop().get_executor(), read_all(*two.far), asio::use_future);
-            at.run(write_all(*two.near, much));
-            CHECK(come.get() == much);
-            enough = true;
-            storm.join();
-            at.run(drop(two));
-        }
-    ::sigaction(SIGUSR2, &before, nullptr);
 }
 
 TEST_CASE("sockets: a peer that resets the connection after each byte ends reading and writing") {
@@ -304,7 +151,7 @@ TEST_CASE("sockets: a peer that resets the connection after each byte ends readi
 
 TEST_CASE("sockets: whoever waits can be cancelled and go on, and closing ends every wait") {
     for (bool own : {true, false})
-        for (bool tcp : {true, false}) {
+        for (bool tcp : kinds()) {
             INFO(own << tcp);
             place at(own);
             auto& loop = at.host->loop();

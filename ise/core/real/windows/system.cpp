@@ -5,13 +5,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <system_error>
 
 #include <windows.h>
 
+#include <bcrypt.h>
 #include <iphlpapi.h>
-#include <ntsecapi.h>
 #include <pthread.h>
 
 namespace ise::real {
@@ -30,7 +31,8 @@ std::string machine_id() {
 } // namespace
 
 void draw_random(std::span<std::uint64_t> into) {
-    if (!::RtlGenRandom(into.data(), static_cast<ULONG>(into.size_bytes())))
+    if (::BCryptGenRandom(nullptr, reinterpret_cast<PUCHAR>(into.data()), static_cast<ULONG>(into.size_bytes()),
+                          BCRYPT_USE_SYSTEM_PREFERRED_RNG) != 0)
         throw std::system_error(std::make_error_code(std::errc::io_error), "Windows draws no random numbers");
 }
 
