@@ -91,10 +91,10 @@ std::string lacking() {
                                   type_identity<sealed_shm>(), type_identity<sealed_udp>(),
                                   type_identity<certified_udp>(), type_identity<virtual_tls>(),
                                   type_identity<virtual_sealed_udp>(), type_identity<virtual_certified_udp>());
-    constexpr bool of_files = among(type_identity<local>(), type_identity<shm>(), type_identity<sealed_local>(),
-                                    type_identity<sealed_shm>());
+    constexpr bool of_files =
+        among(type_identity<local>(), type_identity<shm>(), type_identity<sealed_local>(), type_identity<sealed_shm>());
     if (secret && !ISE_CONFORMANCE_OPENSSL) return "this ISE was built without OpenSSL";
-    if (of_files && !ise::find_transport("local")) return "this system has no local sockets";
+    if (of_files && !ise::protocol::local->by_default) return "this system has no local sockets";
     return {};
 }
 

@@ -7,7 +7,7 @@ namespace ise::cli {
 extern const command list_command, describe_command, call_command, echo_command, hz_command, start_command,
     stop_command, restart_command, kill_command, logs_command, ps_command, param_command, doctor_command, graph_command,
     ping_command, bench_command, bw_command, delay_command, tree_command, services_command, types_command, type_command,
-    completion_command, version_command, pub_command, mock_command, trace_command;
+    completion_command, version_command, pub_command, mock_command, run_command, trace_command;
 
 // Left out: what reads deployment files, recordings, credentials and access policies, and the screen of `top`.
 std::span<const command* const> all_commands() {
@@ -16,7 +16,7 @@ std::span<const command* const> all_commands() {
         &stop_command,   &restart_command,  &kill_command,  &logs_command,  &ps_command,         &param_command,
         &doctor_command, &graph_command,    &ping_command,  &bench_command, &bw_command,         &delay_command,
         &tree_command,   &services_command, &types_command, &type_command,  &completion_command, &version_command,
-        &pub_command,    &mock_command,     &trace_command};
+        &pub_command,    &mock_command,     &run_command,   &trace_command};
     return all;
 }
 

@@ -78,7 +78,7 @@ inline task<pair> connected(place& at, ise::endpoint where) {
 
 /// Whether it is tcp, of each kind of stream socket that the system has.
 inline std::vector<bool> kinds() {
-    return ise::find_transport("local") ? std::vector<bool>{true, false} : std::vector<bool>{true};
+    return ise::protocol::local->by_default ? std::vector<bool>{true, false} : std::vector<bool>{true};
 }
 
 inline ise::endpoint endpoint_of(bool tcp) {

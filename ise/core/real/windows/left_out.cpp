@@ -1,5 +1,4 @@
-// What the real environment has on Linux and not on Windows. Sockets of files are not in the table of transports here, so
-// no endpoint leads to them.
+// What the real environment has on Linux and not on Windows.
 #include <ise/core/real/sockets.hpp>
 
 #include <fmt/format.h>
@@ -8,7 +7,9 @@ namespace ise::real {
 namespace {
 
 failure not_on_windows(std::string_view what) {
-    return {errc::invalid_argument, fmt::format("{} on Windows: not supported; run this part on Linux", what)};
+    return {errc::invalid_argument, fmt::format("{} cannot be used: Windows has no such thing in ISE; use tcp:// "
+                                                "between processes, or run this part on Linux",
+                                                what)};
 }
 
 } // namespace

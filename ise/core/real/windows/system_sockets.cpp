@@ -104,8 +104,7 @@ transfer send_bytes(int socket, std::span<const asio::const_buffer> from) noexce
         pieces[i] = {static_cast<ULONG>(std::min<std::size_t>(from[i].size(), 1u << 30)),
                      static_cast<char*>(const_cast<void*>(from[i].data()))};
     DWORD sent = 0;
-    const int code =
-        ::WSASend(number_of(socket), pieces.data(), static_cast<DWORD>(count), &sent, 0, nullptr, nullptr);
+    const int code = ::WSASend(number_of(socket), pieces.data(), static_cast<DWORD>(count), &sent, 0, nullptr, nullptr);
     return outcome_of(code, sent);
 }
 
