@@ -150,9 +150,7 @@ void doorbell::on_readable() {
     of_.on_rung();
 }
 
-std::optional<std::uint32_t> shared_stream::user_of(int socket) noexcept {
-    return real::user_of_peer(socket);
-}
+std::optional<std::uint32_t> shared_stream::user_of(int socket) noexcept { return real::user_of_peer(socket); }
 
 // The coroutine touches nothing of the stream after it has waited: that may be gone by then.
 task<transfer> shared_stream::read_some(asio::mutable_buffer into) {

@@ -29,9 +29,9 @@
 namespace tasks_test {
 
 using namespace std::chrono_literals;
+using asio::ip::tcp;
 using ise::task;
 using ise::use_task;
-using asio::ip::tcp;
 
 namespace {
 

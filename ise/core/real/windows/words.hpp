@@ -1,6 +1,6 @@
 #pragma once
-// Included before every file that is compiled with ISE on Windows (ise/CMakeLists.txt): the headers of Windows, which Asio
-// includes, define these two as macros of nothing.
+// Included before every file that is compiled with ISE on Windows (ise/CMakeLists.txt): the headers of Windows, which
+// Asio includes, define these two as macros of nothing.
 #include <winsock2.h>
 
 #include <windows.h>
