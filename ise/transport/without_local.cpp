@@ -1,8 +1,8 @@
 #include <ise/transport/system_streams.hpp>
 #include <ise/transport/udp/certified.hpp>
 
-// In the place of table.cpp and local/, for systems without sockets of files that pass descriptors. Their scheme is known,
-// since peers and the virtual world use it; components listen there only if told to, and the environment refuses.
+// In the place of table.cpp and local/, for systems without sockets of files that pass descriptors. Their scheme is
+// known, since peers and the virtual world use it; components listen there if told to, and the environment refuses.
 namespace ise {
 
 constinit const transport transports::local{

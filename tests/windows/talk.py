@@ -74,10 +74,10 @@ def story(names, provider, clients):
         with running(provider.line("wire_party", "provide", "tcp://0.0.0.0:0", "test/party"), environment):
             for client in clients:
                 who = "windows" if client.suffix else "linux"
-                check(f"{who}: list", answer(client.line("ise", "list", "--wait"), environment), "test/party")
                 request = json.dumps({"said": "Gáldar"}, ensure_ascii=True)
                 called = answer(client.line("ise", "call", "--wait", "--json", "test/party", "helm", request), environment)
                 check(f"{who}: call", json.dumps(json.loads(called), ensure_ascii=False), "Gáldar")
+                check(f"{who}: list", answer(client.line("ise", "list"), environment), "test/party")
                 check(f"{who}: refused call", refusal(client, environment), "boats float")
                 check(f"{who}: echo", answer(client.line("ise", "echo", "--wait", "--json", "-n", "1", "test/party", "weather"), environment), "{")
 
