@@ -25,7 +25,11 @@ inline void add_credentials(CLI::App& app, ise::security_options& given) {
                    "a file with the shared key of the system; peers without it are refused (default: $ISE_KEY)")
         ->type_name("FILE");
     app.add_flag_callback(
-        "--key-legacy", [] { ::setenv("ISE_KEY_LEGACY", "1", 1); },
+        "--key-legacy",
+        [] {
+            static char set[] = "ISE_KEY_LEGACY=1"; // for processes that it starts, too
+            ::putenv(set);
+        },
         "prove the key by the scheme of earlier versions, without encryption (also ISE_KEY_LEGACY=1)");
     app.add_option("--tls", given.tls_folder,
                    "a folder with ca.pem, certificate.pem and key.pem, for tls:// endpoints (default: $ISE_TLS)")

@@ -1,4 +1,5 @@
 #include "command.hpp"
+#include "signals.hpp"
 
 #include "json.hpp"
 #include "text.hpp"
@@ -69,12 +70,6 @@ task<> run_on(component& self, const parsed_command& what, interrupt& ctrl_c, en
     if (end.why && self.state() == component_state::stopping) end.why.reset();
     if (end.why) end.code = end.why->code();
     self.stop();
-}
-
-// A terminal was closed. Under nohup that is nothing.
-bool hangup_ends() {
-    struct sigaction now {};
-    return ::sigaction(SIGHUP, nullptr, &now) == 0 && now.sa_handler != SIG_IGN;
 }
 
 // As ise::run_until_signal, for a command that may care.
@@ -150,8 +145,8 @@ exit_code run(const parsed_command& what) {
                           fmt::format("--as: '{}' is not a path, such as atirma/operators/ana", path));
         // Before anything is printed: whoever reads it may answer with Ctrl-C.
         asio::io_context context(1);
-        asio::signal_set signals(context, SIGINT, SIGTERM);
-        if (hangup_ends()) signals.add(SIGHUP);
+        asio::signal_set signals(context);
+        for (int number : ending_signals()) signals.add(number);
         auto body = [&](component& self) { return run_on(self, what, ctrl_c, end); };
         if (what.stands_in.empty()) {
             running.start(path, body, mine);

@@ -11,6 +11,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -75,7 +76,7 @@ struct parsed_command {
     std::optional<duration> patience; ///< the timeout where none is given
 };
 
-/// A command of `ise`: its file defines one, and the table in command_line.cpp lists it.
+/// A command of `ise`: its file defines one, and the table (`all_commands`) lists it.
 struct command {
     std::string_view name, group, summary, examples;
     /// Adds its options to `app` and lets `app.callback` fill in what is to be done.
@@ -87,6 +88,9 @@ inline constexpr std::string_view see_group = "See what there is", talk_group = 
                                   run_group = "Start and stop components",
                                   deploy_group = "Whole systems, from a deployment file",
                                   shell_group = "Of the command itself";
+
+/// Those of this system: linux/commands.cpp, windows/commands.cpp.
+std::span<const command* const> all_commands();
 
 /// Reads the command line, and standard input where it says `-`. Throws problem(usage).
 parsed_command read_command_line(int count, const char* const* arguments);

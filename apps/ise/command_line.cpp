@@ -15,24 +15,7 @@
 
 namespace ise::cli {
 
-// Each is defined in its file, which no other needs to know.
-extern const command list_command, describe_command, call_command, echo_command, hz_command, start_command,
-    stop_command, restart_command, kill_command, logs_command, ps_command, up_command, down_command, diff_command,
-    validate_command, param_command, doctor_command, graph_command, top_command, ping_command, bench_command,
-    bw_command, delay_command, tree_command, services_command, types_command, type_command, completion_command,
-    version_command, pub_command, mock_command, run_command, access_command, keys_command, record_command, bag_command,
-    play_command, trace_command;
-
 namespace {
-
-constexpr const command* all_commands[] = {
-    &list_command,     &describe_command, &call_command,     &echo_command,       &hz_command,      &start_command,
-    &stop_command,     &restart_command,  &kill_command,     &logs_command,       &ps_command,      &up_command,
-    &down_command,     &diff_command,     &validate_command, &param_command,      &doctor_command,  &graph_command,
-    &top_command,      &ping_command,     &bench_command,    &bw_command,         &delay_command,   &tree_command,
-    &services_command, &types_command,    &type_command,     &completion_command, &version_command, &pub_command,
-    &mock_command,     &run_command,      &access_command,   &keys_command,       &record_command,  &bag_command,
-    &play_command,     &trace_command};
 
 constexpr const char* exit_codes = R"(Exit codes:
   0    the answer is complete; also when Ctrl-C ended echo, hz, bw, delay, top, pub or mock, or a reader such as head ended
@@ -82,7 +65,7 @@ void add_commands(CLI::App& app, parsed_command& made) {
     for (const auto* one : app.get_options())
         if (one != app.get_help_ptr() && one->check_lname("version") == false)
             of_every += format->make_option(one, false);
-    for (const auto* one : all_commands) {
+    for (const auto* one : all_commands()) {
         auto* added = app.add_subcommand(std::string(one->name), std::string(one->summary));
         added->formatter(format);
         added->group(std::string(one->group));

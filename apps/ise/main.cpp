@@ -14,7 +14,8 @@ using namespace ise::cli;
 
 exit_code print(std::string_view text) {
     while (!text.empty()) {
-        auto moved = ::write(STDOUT_FILENO, text.data(), text.size());
+        const auto piece = static_cast<unsigned>(std::min<std::size_t>(text.size(), 1u << 20)); // as Windows counts
+        auto moved = ::write(STDOUT_FILENO, text.data(), piece);
         if (moved < 0 && errno == EINTR) continue;
         if (moved < 0 && errno == EPIPE) return exit_code::ok; // whoever read it has seen enough
         if (moved < 0)

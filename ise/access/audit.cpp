@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <chrono>
-#include <ctime>
 #include <iterator>
 #include <map>
 #include <utility>
@@ -31,13 +30,12 @@ void put_text(std::string& to, std::string_view name, std::string_view text) {
 }
 
 std::string time_of(wall_time at) {
-    auto seconds = std::chrono::floor<std::chrono::seconds>(at);
-    auto milliseconds = std::chrono::duration_cast<std::chrono::milliseconds>(at - seconds).count();
-    std::time_t whole = seconds.time_since_epoch().count();
-    std::tm parts{};
-    ::gmtime_r(&whole, &parts);
-    return fmt::format("{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:03}Z", parts.tm_year + 1900, parts.tm_mon + 1,
-                       parts.tm_mday, parts.tm_hour, parts.tm_min, parts.tm_sec, milliseconds);
+    const auto day = std::chrono::floor<std::chrono::days>(at);
+    const std::chrono::year_month_day date(day);
+    const std::chrono::hh_mm_ss time(std::chrono::floor<std::chrono::milliseconds>(at - day));
+    return fmt::format("{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:03}Z", static_cast<int>(date.year()),
+                       static_cast<unsigned>(date.month()), static_cast<unsigned>(date.day()), time.hours().count(),
+                       time.minutes().count(), time.seconds().count(), time.subseconds().count());
 }
 
 } // namespace

@@ -14,10 +14,14 @@ namespace {
 struct added_transports {
     std::array<std::atomic<const transport*>, 16> rows{};
     std::atomic<std::size_t> count = 0;
-    std::mutex adding;
 };
 
 constinit added_transports added;
+
+std::mutex& adding() { // no constant on every system
+    static std::mutex one;
+    return one;
+}
 
 } // namespace
 
@@ -51,7 +55,7 @@ std::vector<std::string> schemes_between_processes() {
 }
 
 void add_transport(const transport& row) {
-    std::lock_guard held(added.adding);
+    std::lock_guard held(adding());
     const auto count = added.count.load(std::memory_order_relaxed);
     if (find_transport(row.scheme))
         throw std::logic_error(fmt::format("there is a transport '{}' already", row.scheme));

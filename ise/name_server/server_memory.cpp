@@ -11,7 +11,6 @@
 #include <cerrno>
 #include <system_error>
 
-#include <sys/stat.h>
 #include <unistd.h>
 
 namespace ise {
@@ -27,14 +26,6 @@ struct saved_memory {
 };
 
 std::string last_problem() { return std::error_code(errno, std::system_category()).message(); }
-
-result<void> make_folders(const std::string& folder) {
-    if (::access(folder.c_str(), F_OK) == 0) return {};
-    if (auto above = folder_of(folder); above != folder)
-        if (auto made = make_folders(above); !made) return made;
-    if (::mkdir(folder.c_str(), 0700) == 0 || errno == EEXIST) return {};
-    return failure(errc::io_failed, fmt::format("cannot make the folder {}: {}", folder, last_problem()));
-}
 
 } // namespace
 
@@ -62,7 +53,7 @@ result<void> state_file::probe() {
     auto there = load();
     if (!there) return there.error();
     auto folder = folder_of(path_);
-    if (auto made = make_folders(folder); !made) return made;
+    if (auto made = make_own_folders(folder); !made) return made;
     if (auto fit = check_own_path(folder); !fit) return fit;
     if (::access(folder.c_str(), W_OK) != 0)
         return failure(errc::io_failed, fmt::format("cannot write {}: {}", path_, last_problem()));
@@ -71,7 +62,7 @@ result<void> state_file::probe() {
 
 result<void> state_file::keep(const registry_memory& what) {
     auto folder = folder_of(path_);
-    if (auto made = make_folders(folder); !made) return made;
+    if (auto made = make_own_folders(folder); !made) return made;
     if (auto fit = check_own_path(folder); !fit) return fit;
     saved_memory saved;
     saved.secret = what.secret;

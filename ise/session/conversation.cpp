@@ -2,10 +2,9 @@
 
 #include <ise/access/guard.hpp>
 #include <ise/core/limits.hpp>
+#include <ise/core/real/ownership.hpp>
 
 #include <fmt/format.h>
-
-#include <unistd.h>
 
 namespace ise {
 
@@ -23,7 +22,7 @@ std::optional<failure> conversation::objection_to_use(service_kind kind, const s
     auto* guard = runtime_.access();
     if (!guard || verified_.same_process) return {};
     // The instantiation server of this user, which made the process, and could kill it as well.
-    if (runtime_.self().path.empty() && service.starts_with("ise.process.") && verified_.user == ::geteuid()) return {};
+    if (runtime_.self().path.empty() && service.starts_with("ise.process.") && is_own_user(verified_.user)) return {};
     if (!view_) view_ = std::make_unique<access::view>(guard->current(), verified_.who);
     const auto& titles = runtime_.titles();
     auto what = access::request_for(kind == service_kind::subscription, titles, service);

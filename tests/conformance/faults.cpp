@@ -21,6 +21,7 @@ void patient(ise::service_options& options) {
 
 template <class World>
 void in_all_weathers() {
+    if (auto lacks = lacking<World>(); !lacks.empty()) return ise_test::skip(lacks);
     for (const auto& now : all_weathers()) {
         INFO(fmt::format("{}, seed {}", now.name, now.seed));
         World where(now);
@@ -33,6 +34,7 @@ void in_all_weathers() {
 
 TEMPLATE_TEST_CASE("under each fault calls run at most once, and a subscription resumes with the exact gap", "",
                    OVER_EVERY_TRANSPORT) {
+    if (auto lacks = lacking<TestType>(); !lacks.empty()) return ise_test::skip(lacks);
     for (fault what : faults_over(TestType().has)) {
         INFO(name_of(what));
         over<TestType>([&](pair& at) { sail(at, {what}); }, hasty);

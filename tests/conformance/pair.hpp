@@ -80,9 +80,28 @@ public:
     ise::remote there;   ///< the provider, as the requester has it
 };
 
+/// What this build or system lacks for a transport; empty: nothing.
+template <class World>
+std::string lacking() {
+    constexpr auto among = []<class... Others>(std::type_identity<Others>...) {
+        return (std::is_same_v<World, Others> || ...);
+    };
+    using std::type_identity;
+    constexpr bool secret = among(type_identity<tls>(), type_identity<sealed_tcp>(), type_identity<sealed_local>(),
+                                  type_identity<sealed_shm>(), type_identity<sealed_udp>(),
+                                  type_identity<certified_udp>(), type_identity<virtual_tls>(),
+                                  type_identity<virtual_sealed_udp>(), type_identity<virtual_certified_udp>());
+    constexpr bool of_files =
+        among(type_identity<local>(), type_identity<shm>(), type_identity<sealed_local>(), type_identity<sealed_shm>());
+    if (secret && !ISE_CONFORMANCE_OPENSSL) return "this ISE was built without OpenSSL";
+    if (of_files && !ise::protocol::local->by_default) return "this system has no local sockets";
+    return {};
+}
+
 /// Runs a check over a transport.
 template <class World>
 void over(const std::function<void(pair&)>& check, const tuning& tune = {}) {
+    if (auto lacks = lacking<World>(); !lacks.empty()) return ise_test::skip(lacks);
     World where;
     pair at(where, tune);
     check(at);

@@ -42,7 +42,7 @@ class provider : public ise::component {
             while (told_.empty()) co_await sleep(5ms);
             co_return text{given.said + " " + told_};
         });
-        provide(tell, [this](text given) {
+        provide(recorded::tell, [this](text given) {
             told_ = given.said;
             return ise::nothing{};
         });
@@ -246,7 +246,7 @@ private:
         co_await ask_for("cut");
         co_await there_.call(helm, other, 1min);
         text output{"ahoy"};
-        co_await there_.call(tell, output, 1min);
+        co_await there_.call(recorded::tell, output, 1min);
         while (outcome == "waits") co_await sleep(5ms);
         say(outcome);
     }

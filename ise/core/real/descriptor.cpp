@@ -2,23 +2,11 @@
 
 #include <ise/core/executor.hpp>
 #include <ise/core/loop_executor.hpp>
+#include <ise/core/real/watched_object.hpp>
 
 #include <asio/error.hpp>
-#include <asio/posix/stream_descriptor.hpp>
-
-#include <cerrno>
-
-#include <sys/epoll.h>
-#include <unistd.h>
 
 namespace ise::real {
-
-void owned_fd::reset(int fd) noexcept {
-    if (fd_ >= 0) ::close(fd_);
-    fd_ = fd;
-}
-
-std::error_code last_system_error() noexcept { return {errno, asio::error::get_system_category()}; }
 
 // Waits through Asio; its handlers may come after the descriptor is gone.
 struct descriptor::asio_watch {
@@ -27,10 +15,11 @@ struct descriptor::asio_watch {
     static void wait(const std::shared_ptr<asio_watch>& self, bool to_write) {
         auto& waits = to_write ? self->writing : self->reading;
         if (std::exchange(waits, true)) return;
-        auto kind = to_write ? asio::posix::stream_descriptor::wait_write : asio::posix::stream_descriptor::wait_read;
+        auto kind = to_write ? watched_object::wait_write : watched_object::wait_read;
         self->object.async_wait(kind, [self, to_write](std::error_code problem) {
             (to_write ? self->writing : self->reading) = false;
-            if (problem || !self->of || self->of->on_.abandoned()) return;
+            // Any other error is the next read's or write's.
+            if (problem == asio::error::operation_aborted || !self->of || self->of->on_.abandoned()) return;
             loop::turn in(self->of->on_);
             if (to_write) self->of->on_writable();
             else self->of->come_readable(false);
@@ -38,7 +27,7 @@ struct descriptor::asio_watch {
     }
 
     descriptor* of; // null: closed
-    asio::posix::stream_descriptor object;
+    watched_object object;
     bool reading = false;
     bool writing = false;
 };
@@ -47,7 +36,7 @@ std::error_code descriptor::watch() {
     if (auto* own = executor_cast<loop_executor>(on_.get_executor())) {
         auto& through = dynamic_cast<readiness&>(own->queue());
         auto problem = through.add(*this);
-        if (!problem) epoll_ = &through;
+        if (!problem) own_ = &through;
         return problem;
     }
     try {
@@ -59,9 +48,9 @@ std::error_code descriptor::watch() {
 }
 
 void descriptor::close_descriptor() noexcept {
-    if (epoll_) {
-        epoll_->remove(*this);
-        epoll_ = nullptr;
+    if (own_) {
+        own_->remove(*this);
+        own_ = nullptr;
     } else if (asio_) {
         asio_->of = nullptr;
         std::error_code ignored;
@@ -74,14 +63,14 @@ void descriptor::close_descriptor() noexcept {
 
 void descriptor::want_read() {
     if (asio_) return asio_watch::wait(asio_, false);
-    if (epoll_ && readable_ && !std::exchange(again_, true)) epoll_->again(*this);
+    if (own_ && readable_ && !std::exchange(again_, true)) own_->again(*this);
 }
 
 std::error_code descriptor::want_write() {
     if (asio_) {
         asio_watch::wait(asio_, true);
-    } else if (epoll_ && !waits_to_write_) {
-        if (auto problem = epoll_->change(*this, true)) return problem;
+    } else if (own_ && !waits_to_write_) {
+        if (auto problem = own_->change(*this, true)) return problem;
         waits_to_write_ = true;
     }
     return {};
@@ -99,13 +88,12 @@ void descriptor::on_again() {
     come_readable(false);
 }
 
-void descriptor::on_events(std::uint32_t events) {
-    if (events & (EPOLLOUT | EPOLLHUP | EPOLLERR) && std::exchange(waits_to_write_, false)) {
-        epoll_->change(*this, false);
+void descriptor::on_events(ready what) {
+    if (what.to_write && std::exchange(waits_to_write_, false)) {
+        own_->change(*this, false);
         on_writable();
     }
-    if (events & (EPOLLIN | EPOLLRDHUP | EPOLLHUP | EPOLLERR))
-        come_readable(events & (EPOLLRDHUP | EPOLLHUP | EPOLLERR));
+    if (what.to_read || what.over) come_readable(what.over);
 }
 
 } // namespace ise::real

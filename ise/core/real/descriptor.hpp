@@ -1,7 +1,6 @@
 #pragma once
 #include <ise/core/loop.hpp>
 
-#include <cstdint>
 #include <memory>
 #include <system_error>
 #include <utility>
@@ -23,7 +22,7 @@ protected:
     ~readiness() = default;
 };
 
-/// A file descriptor that belongs to this process, non-blocking and closed on exec; -1: none.
+/// A file descriptor, or a socket, that belongs to this process, non-blocking and closed on exec; -1: none.
 class owned_fd {
 public:
     owned_fd() noexcept = default;
@@ -47,16 +46,20 @@ private:
 /// The error of the system call that failed last, in the category of Asio, whose errors it is compared with.
 std::error_code last_system_error() noexcept;
 
-/// A descriptor and its readiness on a loop: told by epoll where the loop is one of ISE's own, else by Asio. Used on
-/// the loop. Whoever derives from it closes it first of all when it is destroyed.
+/// A descriptor and its readiness on a loop: told by the loop where it is a `readiness`, else by Asio. Used on the
+/// loop. Whoever derives from it closes it first of all when it is destroyed.
 class descriptor {
 public:
     descriptor(const descriptor&) = delete;
     descriptor& operator=(const descriptor&) = delete;
 
     int fd() const noexcept { return fd_.get(); }
-    /// What epoll has told, in a turn of the loop.
-    void on_events(std::uint32_t events);
+    /// What an event tells; `over`: the end, or an error.
+    struct ready {
+        bool to_read, to_write, over;
+    };
+    /// What the loop has told, in a turn of it.
+    void on_events(ready what);
     void on_again();
 
 protected:
@@ -69,7 +72,7 @@ protected:
 
     loop& on() const noexcept { return on_; }
     /// Each new event is told, also while what came before was not read.
-    bool told_each() const noexcept { return epoll_ != nullptr; }
+    bool told_each() const noexcept { return own_ != nullptr; }
     bool fd_open() const noexcept { return static_cast<bool>(fd_); }
 
     /// There is something to read, or the end, or an error: a reader need not wait. False once reading has found
@@ -95,12 +98,12 @@ private:
 
     loop& on_;
     owned_fd fd_;
-    readiness* epoll_ = nullptr; // else Asio
+    readiness* own_ = nullptr; // else Asio
     std::shared_ptr<asio_watch> asio_;
     int reads_left_ = 0;
     bool readable_ = false;
     bool over_ = false;           // the end, or an error
-    bool waits_to_write_ = false; // epoll tells it
+    bool waits_to_write_ = false; // `own_` tells it
     bool again_ = false;          // listed for the next round of the loop
 };
 

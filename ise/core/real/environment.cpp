@@ -2,12 +2,12 @@
 
 #include <ise/core/executor.hpp>
 #include <ise/core/inproc.hpp>
-#include <ise/core/real/epoll_loop.hpp>
+#include <ise/core/real/own_loop.hpp>
 #include <ise/core/real/sockets.hpp>
+#include <ise/core/real/system.hpp>
 
 #include <asio/io_context.hpp>
 #include <asio/post.hpp>
-#include <asio/steady_timer.hpp>
 #include <asio/strand.hpp>
 #include <asio/thread_pool.hpp>
 
@@ -16,18 +16,8 @@
 #include <array>
 #include <condition_variable>
 #include <cstdlib>
-#include <fstream>
 #include <mutex>
-#include <random>
 #include <thread>
-
-#include <arpa/inet.h>
-#include <ifaddrs.h>
-#include <net/if.h>
-#include <sys/random.h>
-#include <sys/stat.h>
-#include <time.h>
-#include <unistd.h>
 
 namespace ise {
 namespace {
@@ -35,23 +25,6 @@ namespace {
 time_point steady_now() {
     return time_point(std::chrono::duration_cast<duration>(std::chrono::steady_clock::now().time_since_epoch()));
 }
-
-class asio_alarm final : public alarm {
-public:
-    explicit asio_alarm(loop& owner) : loop_(owner), timer_(owner.get_executor()) {}
-
-    void arm(time_point at) override {
-        timer_.expires_at(std::chrono::steady_clock::time_point(at.time_since_epoch())); // cancels the former wait
-        timer_.async_wait([this, alive = std::weak_ptr<bool>(alive_)](std::error_code problem) {
-            if (!problem && !alive.expired()) loop_.on_alarm();
-        });
-    }
-
-private:
-    loop& loop_;
-    asio::steady_timer timer_;
-    std::shared_ptr<bool> alive_ = std::make_shared<bool>(true);
-};
 
 // The loops that live, so that the environment can outlive them.
 struct loop_count {
@@ -82,7 +55,7 @@ class adopted_loop final : public loop_host {
 public:
     adopted_loop(environment& environment, asio::any_io_executor executor, std::function<bool()> running_here)
         : loop_(environment, std::move(executor), std::move(running_here)) {
-        loop_.use_alarm(std::make_unique<asio_alarm>(loop_));
+        loop_.use_alarm(std::make_unique<real::asio_alarm>(loop_));
     }
     ~adopted_loop() override { end(); }
     void end() override {
@@ -97,40 +70,13 @@ private:
     bool ended_ = false;
 };
 
-std::string first_line_of(const char* path) {
-    std::ifstream file(path);
-    std::string line;
-    std::getline(file, line);
-    return line;
-}
-
-std::uint64_t random_seed() {
-    std::uint64_t value = 0;
-    if (::getrandom(&value, sizeof value, 0) != sizeof value) value = std::random_device{}();
-    return value;
-}
-
-process_identity this_process() {
-    process_identity made;
-    std::array<char, 256> name{};
-    ::gethostname(name.data(), name.size() - 1);
-    made.host_name = name.data();
-    struct stat network {};
-    ::stat("/proc/self/ns/net", &network);
-    made.host_key = fmt::format("{}.{}", first_line_of("/proc/sys/kernel/random/boot_id"), network.st_ino);
-    made.process_id = static_cast<std::uint64_t>(::getpid());
-    made.process_key = fmt::format("{}.{:016x}", made.process_id, random_seed());
-    return made;
-}
-
 task<result<std::unique_ptr<stream>>> given(result<std::unique_ptr<stream>> outcome) { co_return outcome; }
 
 } // namespace
 
 struct real_environment::state {
-    process_identity identity = this_process();
+    process_identity identity = real::this_process();
     std::shared_ptr<loop_count> loops = std::make_shared<loop_count>();
-    std::shared_ptr<real::poll_seats> poll_seats = std::make_shared<real::poll_seats>();
     inproc_registry inproc;
     std::mutex random_mutex;
     // Tickets and incarnations must not be guessed: each is drawn from the kernel, a batch at a time.
@@ -151,15 +97,7 @@ real_environment::~real_environment() {
 
 time_point real_environment::now() const { return steady_now(); }
 
-time_point real_environment::recently() const {
-#ifdef CLOCK_MONOTONIC_COARSE
-    timespec at{};
-    clock_gettime(CLOCK_MONOTONIC_COARSE, &at);
-    return time_point(std::chrono::seconds(at.tv_sec) + std::chrono::nanoseconds(at.tv_nsec));
-#else
-    return now();
-#endif
-}
+time_point real_environment::recently() const { return real::recent_time(); }
 
 wall_time real_environment::wall() const { return std::chrono::system_clock::now(); }
 const process_identity& real_environment::identity() const { return state_->identity; }
@@ -167,8 +105,7 @@ const process_identity& real_environment::identity() const { return state_->iden
 std::uint64_t real_environment::random() {
     std::lock_guard lock(state_->random_mutex);
     if (state_->left == 0) {
-        if (::getrandom(state_->drawn.data(), sizeof state_->drawn, 0) != sizeof state_->drawn)
-            for (auto& value : state_->drawn) value = random_seed();
+        real::draw_random(state_->drawn);
         state_->left = state_->drawn.size();
     }
     return state_->drawn[--state_->left];
@@ -180,8 +117,7 @@ std::optional<std::string> real_environment::variable(const std::string& name) c
 }
 
 std::unique_ptr<loop_host> real_environment::make_loop(const std::string& name) {
-    return std::make_unique<real::epoll_loop>(*this, name, std::make_shared<counted_loop>(state_->loops),
-                                              state_->poll_seats);
+    return real::make_own_loop(*this, name, std::make_shared<counted_loop>(state_->loops));
 }
 
 std::unique_ptr<loop_host> real_environment::adopt(asio::any_io_executor executor, bool one_thread) {
@@ -227,26 +163,6 @@ result<pseudo_terminal> real_environment::open_pseudo_terminal(loop& on, const s
     return real::open_pseudo_terminal(on, link);
 }
 
-std::vector<std::string> real_environment::interface_addresses() const {
-    std::vector<std::string> found;
-    ifaddrs* first = nullptr;
-    if (::getifaddrs(&first) != 0) return found;
-    for (auto* entry = first; entry; entry = entry->ifa_next) {
-        if (!entry->ifa_addr || !(entry->ifa_flags & IFF_UP)) continue;
-        std::array<char, INET6_ADDRSTRLEN> text{};
-        if (entry->ifa_addr->sa_family == AF_INET) {
-            ::inet_ntop(AF_INET, &reinterpret_cast<sockaddr_in*>(entry->ifa_addr)->sin_addr, text.data(), text.size());
-        } else if (entry->ifa_addr->sa_family == AF_INET6) {
-            auto* address = reinterpret_cast<sockaddr_in6*>(entry->ifa_addr);
-            if (IN6_IS_ADDR_LINKLOCAL(&address->sin6_addr)) continue; // useless without a scope
-            ::inet_ntop(AF_INET6, &address->sin6_addr, text.data(), text.size());
-        } else {
-            continue;
-        }
-        found.emplace_back(text.data());
-    }
-    ::freeifaddrs(first);
-    return found;
-}
+std::vector<std::string> real_environment::interface_addresses() const { return real::interface_addresses(); }
 
 } // namespace ise

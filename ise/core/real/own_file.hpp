@@ -9,6 +9,9 @@ namespace ise {
 /// The folder that a path lies in; "." where it names none.
 std::string folder_of(const std::string& path);
 
+/// Makes a folder that only this user can use, and those above it; fine if they are there. errc::io_failed.
+result<void> make_own_folders(const std::string& folder);
+
 /// Replaces a file of this user's by one of mode 0600 with that content: after a crash there is the former one or the
 /// new one, whole. What lies beside it as `path` + ".new" is removed and not written through. errc::io_failed: what was
 /// there stays, unless the last step failed, which makes the new one last.

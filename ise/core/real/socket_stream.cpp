@@ -3,29 +3,7 @@
 #include <asio/error.hpp>
 #include <asio/ip/tcp.hpp>
 
-#include <algorithm>
-#include <array>
-#include <cerrno>
-#include <cstring>
-
-#include <netinet/in.h>
-#include <netinet/tcp.h>
-#include <sys/uio.h>
-
 namespace ise::real {
-namespace {
-
-int family_of(int fd) noexcept {
-    sockaddr_storage here{};
-    socklen_t size = sizeof here;
-    return ::getsockname(fd, reinterpret_cast<sockaddr*>(&here), &size) == 0 ? here.ss_family : AF_UNSPEC;
-}
-
-} // namespace
-
-owned_fd new_socket(int family, int type) noexcept {
-    return owned_fd(::socket(family, type | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-}
 
 socket_stream::socket_stream(loop& on, owned_fd fd, std::string peer)
     : descriptor(on, std::move(fd)), peer_(std::move(peer)),
@@ -34,8 +12,8 @@ socket_stream::socket_stream(loop& on, owned_fd fd, std::string peer)
                   reader_.resume({asio::error::operation_aborted, 0});
               }),
       writable_(on, [this] { writable_.resume({asio::error::operation_aborted}); }) {
-    const int yes = 1; // a local socket has none; one that died already says so at its first read
-    ::setsockopt(this->fd(), IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+    // A local socket has none; one that died already says so at its first read.
+    set_option(this->fd(), IPPROTO_TCP, TCP_NODELAY, 1);
 }
 
 std::pair<std::error_code, std::unique_ptr<stream>> socket_stream::of(loop& on, owned_fd connected, std::string peer) {
@@ -49,21 +27,15 @@ task<std::pair<std::error_code, std::unique_ptr<stream>>> socket_stream::connect
     using connected = std::pair<std::error_code, std::unique_ptr<stream>>;
     auto fd = new_socket(to.ss_family, SOCK_STREAM);
     if (!fd) co_return connected(last_system_error(), nullptr);
-    std::error_code problem;
-    // Interrupted, it goes on as well.
-    if (::connect(fd.get(), reinterpret_cast<sockaddr*>(&to), size) != 0) problem = last_system_error();
-    const bool pending = problem.value() == EINPROGRESS || problem.value() == EINTR;
+    auto problem = begin_to_connect(fd.get(), reinterpret_cast<sockaddr*>(&to), size);
+    const bool pending = problem == asio::error::in_progress;
     if (problem && !pending) co_return connected(problem, nullptr);
     // Before it connects epoll would tell that it is not connected.
     auto made = std::make_unique<socket_stream>(on, std::move(fd), std::move(peer));
     problem = made->watch();
     if (!problem && pending) {
         problem = co_await made->wait_writable();
-        int wrong = 0;
-        socklen_t room = sizeof wrong;
-        if (!problem && ::getsockopt(made->fd(), SOL_SOCKET, SO_ERROR, &wrong, &room) != 0)
-            problem = last_system_error();
-        if (!problem && wrong != 0) problem = std::error_code(wrong, asio::error::get_system_category());
+        if (!problem) problem = pending_error(made->fd());
     }
     if (problem) made.reset();
     co_return connected(problem, std::move(made));
@@ -111,62 +83,14 @@ void socket_stream::on_readable() {
 }
 
 transfer socket_stream::read(asio::mutable_buffer into) {
-    for (;;) {
-        const auto count = passed_ ? receive(into) : ::recv(fd(), into.data(), into.size(), 0);
-        if (count > 0) {
-            if (static_cast<std::size_t>(count) < into.size()) found_less();
-            return {{}, static_cast<std::size_t>(count)};
-        }
-        if (count == 0) return {asio::error::eof, 0};
-        if (errno == EINTR) continue;
-        if (errno != EAGAIN && errno != EWOULDBLOCK) return {last_system_error(), 0};
-        found_nothing();
-        return {asio::error::would_block, 0};
-    }
-}
-
-// With descriptors: those beyond the room for them are closed by the system.
-std::ptrdiff_t socket_stream::receive(asio::mutable_buffer into) {
-    constexpr std::size_t most = 8;
-    alignas(cmsghdr) std::array<char, CMSG_SPACE(most * sizeof(int))> room{};
-    iovec content{into.data(), into.size()};
-    msghdr message{};
-    message.msg_iov = &content;
-    message.msg_iovlen = 1;
-    message.msg_control = room.data();
-    message.msg_controllen = room.size();
-    const auto count = ::recvmsg(fd(), &message, MSG_CMSG_CLOEXEC);
-    if (count < 0) return count;
-    for (auto* head = CMSG_FIRSTHDR(&message); head; head = CMSG_NXTHDR(&message, head)) {
-        if (head->cmsg_level != SOL_SOCKET || head->cmsg_type != SCM_RIGHTS) continue;
-        for (std::size_t at = CMSG_LEN(0); at + sizeof(int) <= head->cmsg_len; at += sizeof(int)) {
-            int made = -1;
-            std::memcpy(&made, reinterpret_cast<const char*>(head) + at, sizeof made);
-            passed_->emplace_back(made);
-        }
-    }
-    return count;
+    auto got = passed_ ? receive_passed(fd(), into, *passed_) : receive_bytes(fd(), into);
+    if (got.problem == asio::error::would_block) found_nothing();
+    else if (!got.problem && got.bytes < into.size()) found_less();
+    return got;
 }
 
 // Also from another thread: signs of life.
-transfer socket_stream::try_write(std::span<const asio::const_buffer> from) {
-    iovec pieces[64];
-    msghdr message{};
-    message.msg_iov = pieces;
-    message.msg_iovlen = std::min(from.size(), std::size(pieces));
-    for (std::size_t i = 0; i < message.msg_iovlen; ++i)
-        pieces[i] = {const_cast<void*>(from[i].data()), from[i].size()};
-    for (;;) {
-        // A single piece goes without the list of pieces, which the system would copy and check.
-        const auto written = from.size() == 1
-                                 ? ::send(fd(), from[0].data(), from[0].size(), MSG_NOSIGNAL | MSG_DONTWAIT)
-                                 : ::sendmsg(fd(), &message, MSG_NOSIGNAL | MSG_DONTWAIT);
-        if (written >= 0) return {{}, static_cast<std::size_t>(written)};
-        if (errno == EINTR) continue;
-        if (errno == EAGAIN || errno == EWOULDBLOCK) return {asio::error::would_block, 0};
-        return {last_system_error(), 0};
-    }
-}
+transfer socket_stream::try_write(std::span<const asio::const_buffer> from) { return send_bytes(fd(), from); }
 
 task<std::error_code> socket_stream::wait_writable() {
     if (!fd_open()) co_return asio::error::operation_aborted;
@@ -175,12 +99,9 @@ task<std::error_code> socket_stream::wait_writable() {
     co_return ended.problem;
 }
 
-void socket_stream::limit_unsent(std::size_t most) {
-    auto bytes_waiting = static_cast<int>(std::clamp<std::size_t>(most, 1, 1u << 30));
-    ::setsockopt(fd(), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &bytes_waiting, sizeof bytes_waiting); // a local one has none
-}
+void socket_stream::limit_unsent(std::size_t most) { limit_unsent_bytes(fd(), most); }
 
-void socket_stream::shutdown_write() { ::shutdown(fd(), SHUT_WR); } // not connected any more: the reader learns it
+void socket_stream::shutdown_write() { end_sending(fd()); } // not connected any more: the reader learns it
 
 void socket_stream::close() {
     if (!fd_open()) return;
@@ -189,16 +110,8 @@ void socket_stream::close() {
     writable_.resume({asio::error::operation_aborted});
 }
 
-std::optional<ucred> credentials_of_peer(int socket) noexcept {
-    ucred made{};
-    socklen_t size = sizeof made;
-    if (family_of(socket) != AF_UNIX) return std::nullopt; // others have an answer without meaning
-    if (::getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &made, &size) != 0 || size != sizeof made) return std::nullopt;
-    return made;
-}
-
 void socket_stream::add_verified(verified_peer& to) const {
-    if (auto peer = credentials_of_peer(fd())) to.user = peer->uid;
+    if (auto user = user_of_peer(fd())) to.user = user;
 }
 
 std::optional<endpoint> socket_stream::local() const {
@@ -237,17 +150,11 @@ void socket_acceptor::on_readable() {
     else waiting_.resume(std::move(taken));
 }
 
-// A stranger who has left already makes room for the next. Out of descriptors, it stays ready: there is no other
-// event for those who wait.
+// Out of descriptors, it stays ready: there is no other event for those who wait.
 socket_acceptor::accepted socket_acceptor::take() {
-    for (;;) {
-        owned_fd made(::accept4(fd(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
-        if (made) return {std::error_code(), std::move(made)};
-        if (errno == EINTR || errno == ECONNABORTED) continue;
-        if (errno != EAGAIN && errno != EWOULDBLOCK) return {last_system_error(), owned_fd()};
-        found_nothing();
-        return {asio::error::would_block, owned_fd()};
-    }
+    auto taken = accept_from(fd());
+    if (taken.first == asio::error::would_block) found_nothing();
+    return taken;
 }
 
 } // namespace ise::real

@@ -1,10 +1,9 @@
 #pragma once
 #include <ise/core/real/descriptor.hpp>
+#include <ise/core/real/system_sockets.hpp>
 #include <ise/core/stream.hpp>
 #include <ise/core/verified_peer.hpp>
 #include <ise/core/waiter.hpp>
-
-#include <sys/socket.h>
 
 #include <cstddef>
 #include <optional>
@@ -12,9 +11,6 @@
 #include <vector>
 
 namespace ise::real {
-
-/// The process that made the other end of a local socket, as the system knows it; nothing of other sockets.
-std::optional<ucred> credentials_of_peer(int socket) noexcept;
 
 /// A connected stream socket, tcp or local.
 class socket_stream final : public stream, public verified_stream, private descriptor {
@@ -51,7 +47,6 @@ private:
     };
 
     transfer read(asio::mutable_buffer into);
-    std::ptrdiff_t receive(asio::mutable_buffer into);
     void on_readable() override;
     void deliver();
     void on_writable() override { writable_.resume({}); }
@@ -85,8 +80,5 @@ private:
 
     waiter<accepted> waiting_;
 };
-
-/// A new socket, non-blocking and closed on exec; none: `last_system_error()`.
-owned_fd new_socket(int family, int type) noexcept;
 
 } // namespace ise::real

@@ -7,7 +7,6 @@
 
 #include <fmt/format.h>
 
-#include <cerrno>
 #include <cstring>
 #include <vector>
 
@@ -50,7 +49,9 @@ private:
     endpoint where_;
 };
 
-bool out_of_descriptors(const std::error_code& why) { return why.value() == EMFILE || why.value() == ENFILE; }
+bool out_of_descriptors(const std::error_code& why) {
+    return why == asio::error::no_descriptors || why == std::errc::too_many_files_open_in_system;
+}
 
 } // namespace
 
@@ -109,11 +110,11 @@ result<std::unique_ptr<listener>> listen_tcp(loop& on, const endpoint& at) {
 
     auto socket = new_socket(address.protocol().family(), SOCK_STREAM);
     if (!socket) return refuse_for_last();
-    const int yes = 1;
+    problem = claim_port(socket.get());
+    if (problem) return refuse();
     tcp::endpoint bound;
     auto size = static_cast<socklen_t>(bound.capacity());
-    if (::setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
-        ::bind(socket.get(), address.data(), static_cast<socklen_t>(address.size())) != 0 ||
+    if (::bind(socket.get(), address.data(), static_cast<socklen_t>(address.size())) != 0 ||
         ::listen(socket.get(), SOMAXCONN) != 0 || ::getsockname(socket.get(), bound.data(), &size) != 0)
         return refuse_for_last();
     auto made = std::make_unique<tcp_listener>(on, std::move(socket), as_endpoint(bound));

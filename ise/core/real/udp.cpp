@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include <cerrno>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -48,11 +47,7 @@ public:
         std::error_code problem;
         auto address = address_of(to, problem);
         if (problem) return problem;
-        while (::sendto(fd(), content.data(), content.size(), MSG_NOSIGNAL | MSG_DONTWAIT, address.data(),
-                        static_cast<socklen_t>(address.size())) < 0)
-            if (errno != EINTR)
-                return errno == EAGAIN ? make_error_code(asio::error::would_block) : last_system_error();
-        return {};
+        return send_datagram(fd(), content, address.data(), static_cast<socklen_t>(address.size()));
     }
 
     void close() override {
@@ -80,24 +75,16 @@ private:
 
     received take() {
         if (room_.empty()) room_.resize(max_datagram);
-        ssize_t count = 0;
-        for (;;) {
-            auto size = static_cast<socklen_t>(sender_.capacity());
-            count = ::recvfrom(fd(), room_.data(), room_.size(), 0, sender_.data(), &size);
-            if (count >= 0) {
-                sender_.resize(size);
-                break;
-            }
-            if (errno == EINTR) continue;
-            if (errno != EAGAIN && errno != EWOULDBLOCK) return {last_system_error(), nullptr};
-            found_nothing();
-            return {asio::error::would_block, nullptr};
-        }
+        auto size = static_cast<socklen_t>(sender_.capacity());
+        auto got = receive_datagram(fd(), asio::buffer(room_), sender_.data(), size);
+        if (got.problem == asio::error::would_block) found_nothing();
+        if (got.problem) return {got.problem, nullptr};
+        sender_.resize(size);
         if (sender_ != last_sender_) {
             last_.peer = as_endpoint(sender_);
             last_sender_ = sender_;
         }
-        last_.content.assign(room_.begin(), room_.begin() + static_cast<std::ptrdiff_t>(count));
+        last_.content.assign(room_.begin(), room_.begin() + static_cast<std::ptrdiff_t>(got.bytes));
         return {{}, &last_};
     }
 
@@ -178,7 +165,7 @@ result<std::unique_ptr<datagram_socket>> open_udp(loop& on, const endpoint& at) 
         ::getsockname(socket.get(), bound.data(), &size) != 0)
         return refuse_for_last();
     // What the kernel gives is used.
-    ::setsockopt(socket.get(), SOL_SOCKET, SO_RCVBUF, &kernel_buffer_bytes, sizeof kernel_buffer_bytes);
+    set_option(socket.get(), SOL_SOCKET, SO_RCVBUF, kernel_buffer_bytes);
     auto made = std::make_unique<udp_socket>(on, std::move(socket), as_endpoint(bound));
     problem = made->watch();
     if (problem) return refuse();

@@ -1,6 +1,6 @@
 #include <ise/transport/shm/memory.hpp>
 
-#include <ise/core/real/socket_stream.hpp>
+#include <ise/core/real/linux/local_peer.hpp>
 
 #include <fmt/format.h>
 

@@ -1,6 +1,6 @@
 #include <ise/transport/shm/stream.hpp>
 
-#include <ise/core/real/socket_stream.hpp>
+#include <ise/core/real/system_sockets.hpp>
 #include <ise/core/verified_peer.hpp>
 #include <ise/core/waiter.hpp>
 
@@ -154,10 +154,7 @@ void doorbell::on_readable() {
     of_.on_rung();
 }
 
-std::optional<std::uint32_t> shared_stream::user_of(int socket) noexcept {
-    auto peer = real::credentials_of_peer(socket);
-    return peer ? std::optional<std::uint32_t>(peer->uid) : std::nullopt;
-}
+std::optional<std::uint32_t> shared_stream::user_of(int socket) noexcept { return real::user_of_peer(socket); }
 
 // The coroutine touches nothing of the stream after it has waited: that may be gone by then.
 task<transfer> shared_stream::read_some(asio::mutable_buffer into) {

@@ -1,7 +1,7 @@
 // A loop that looks for events instead of sleeping: when it does, and when it gives up.
 #include "inproc_threads.hpp"
 
-#include <ise/core/real/poller.hpp>
+#include <ise/core/real/linux/poller.hpp>
 
 #include <support/catch.hpp>
 

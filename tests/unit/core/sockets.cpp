@@ -1,143 +1,19 @@
 // Sockets of the real world, on a loop of ISE's own and on an io_context of the program.
-#include <ise/asio.hpp>
-#include <ise/core/real/environment.hpp>
-#include <ise/core/sleep.hpp>
+#include "sockets.hpp"
 
 #include <support/catch.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>
-#include <asio/io_context.hpp>
 #include <asio/ip/tcp.hpp>
 #include <asio/steady_timer.hpp>
-#include <asio/use_future.hpp>
 
 #include <atomic>
-#include <csignal>
-#include <future>
-#include <optional>
-#include <string>
-#include <thread>
-
-#include <pthread.h>
-#include <unistd.h>
 
 namespace sockets_test {
 
-using namespace std::chrono_literals;
-using ise::task;
-
-namespace {
-
-constexpr std::size_t much = 16 << 20; // more than the system holds
-
-// A loop of either kind; what is made on it goes before it.
-struct place {
-    explicit place(bool own) {
-        if (own) {
-            host = env.make_loop("sockets");
-            return;
-        }
-        host = env.adopt(io.get_executor(), true);
-        thread = std::thread([this] { io.run(); });
-    }
-    ~place() {
-        if (!thread.joinable()) {
-            host->end();
-            return;
-        }
-        std::promise<void> ended;
-        asio::post(io, [&] {
-            host->end();
-            ended.set_value();
-        });
-        ended.get_future().wait();
-        work.reset();
-        io.stop();
-        thread.join();
-    }
-    template <class T>
-    T run(task<T> what) {
-        return ise::async_run(host->loop().get_executor(), std::move(what), asio::use_future).get();
-    }
-
-    ise::real_environment env;
-    asio::io_context io{1};
-    std::optional<asio::executor_work_guard<asio::io_context::executor_type>> work{io.get_executor()};
-    std::unique_ptr<ise::loop_host> host;
-    std::thread thread;
-};
-
-struct pair {
-    std::unique_ptr<ise::listener> ear;
-    std::unique_ptr<ise::stream> near, far;
-};
-
-task<pair> connected(place& at, ise::endpoint where) {
-    pair made;
-    made.ear = at.env.listen(at.host->loop(), where).value();
-    auto line = co_await at.env.connect(at.host->loop(), made.ear->where());
-    made.near = std::move(line).value();
-    auto [problem, stranger] = co_await made.ear->accept();
-    if (problem) throw std::system_error(problem);
-    made.far = std::move(stranger);
-    co_return made;
-}
-
-ise::endpoint endpoint_of(bool tcp) {
-    static int count = 0;
-    auto name = "local://@ise-sockets-" + std::to_string(::getpid()) + "-" + std::to_string(count++);
-    return ise::endpoint::parse(tcp ? "tcp://127.0.0.1:0" : name).value();
-}
-
-task<> write_all(ise::stream& to, std::size_t left) {
-    const std::string piece(100'000, 'x');
-    while (left > 0) {
-        const asio::const_buffer rest(piece.data(), std::min(left, piece.size()));
-        const auto wrote = to.try_write({&rest, 1});
-        left -= wrote.bytes;
-        if (wrote.problem == asio::error::would_block) {
-            auto problem = co_await to.wait_writable();
-            if (problem) throw std::system_error(problem);
-        } else if (wrote.problem) {
-            throw std::system_error(wrote.problem);
-        }
-    }
-    to.shutdown_write();
-}
-
-// How much came before the end.
-task<std::size_t> read_all(ise::stream& from) {
-    std::string room(4096, ' ');
-    std::size_t come = 0;
-    for (;;) {
-        auto got = co_await from.read_some(asio::buffer(room));
-        come += got.bytes;
-        if (got.problem == asio::error::eof) co_return come;
-        if (got.problem) throw std::system_error(got.problem);
-    }
-}
-
-task<std::error_code> read_error(ise::stream& from) {
-    std::string room(16, ' ');
-    auto got = co_await from.read_some(asio::buffer(room));
-    co_return got.problem;
-}
-
-task<> close(ise::stream& what) {
-    what.close();
-    co_return;
-}
-
-task<> drop(pair& what) {
-    what = {};
-    co_return;
-}
-
-} // namespace
-
 TEST_CASE("sockets: all that is written comes, and then the end, while the other way goes on") {
     for (bool own : {true, false})
-        for (bool tcp : {true, false}) {
+        for (bool tcp : kinds()) {
             INFO(own << tcp);
             place at(own);
             auto two = at.run(connected(at, endpoint_of(tcp)));
@@ -237,7 +113,7 @@ TEST_CASE("sockets: what arrives is delivered whole, then the end, and nothing o
 
 TEST_CASE("sockets: connecting where nobody listens fails") {
     for (bool own : {true, false})
-        for (bool tcp : {true, false}) {
+        for (bool tcp : kinds()) {
             place at(own);
             auto two = at.run(connected(at, endpoint_of(tcp)));
             auto where = two.ear->where();
@@ -250,8 +126,8 @@ TEST_CASE("sockets: connecting where nobody listens fails") {
 
 TEST_CASE("sockets: a peer that sends without a pause does not keep others of the loop from their turn") {
     place at(true);
-    auto two = at.run(connected(at, endpoint_of(false)));
-    auto other = at.run(connected(at, endpoint_of(false)));
+    auto two = at.run(connected(at, endpoint_of(kinds().size() == 1)));
+    auto other = at.run(connected(at, endpoint_of(kinds().size() == 1)));
     auto executor = at.host->loop().get_executor();
     std::atomic<bool> enough{false};
     auto endless = [](ise::stream& from) -> task<> {
@@ -278,101 +154,9 @@ TEST_CASE("sockets: a peer that sends without a pause does not keep others of th
     at.run(drop(other));
 }
 
-TEST_CASE("sockets: signals that interrupt the loop's calls lose and repeat nothing") {
-    struct sigaction quiet {};
-    struct sigaction before {};
-    quiet.sa_handler = [](int) {}; // without SA_RESTART
-    ::sigaction(SIGUSR2, &quiet, &before);
-    for (bool own : {true, false})
-        for (bool tcp : {true, false}) {
-            INFO(own << tcp);
-            place at(own);
-            auto two = at.run(connected(at, endpoint_of(tcp)));
-            auto self = [](ise::loop&) -> task<pthread_t> { co_return ::pthread_self(); };
-            const pthread_t thread = at.run(self(at.host->loop()));
-            std::atomic<bool> enough{false};
-            std::thread storm([&] {
-                while (!enough) {
-                    ::pthread_kill(thread, SIGUSR2);
-                    std::this_thread::yield();
-                }
-            });
-            auto come = ise::async_run(at.host->loop().get_executor(), read_all(*two.far), asio::use_future);
-            at.run(write_all(*two.near, much));
-            CHECK(come.get() == much);
-            enough = true;
-            storm.join();
-            at.run(drop(two));
-        }
-    ::sigaction(SIGUSR2, &before, nullptr);
-}
-
-TEST_CASE("sockets: a peer that resets the connection after each byte ends reading and writing") {
-    for (bool own : {true, false}) {
-        place at(own);
-        auto ear = at.env.listen(at.host->loop(), ise::endpoint::parse("tcp://127.0.0.1:0").value()).value();
-        auto accept = [](ise::listener& from) -> task<std::unique_ptr<ise::stream>> {
-            auto taken = co_await from.accept();
-            co_return std::move(taken.second);
-        };
-        auto until_an_error = [](ise::stream& from) -> task<std::pair<std::size_t, std::error_code>> {
-            std::pair<std::size_t, std::error_code> out;
-            std::string room(3, ' ');
-            while (!out.second) {
-                auto got = co_await from.read_some(asio::buffer(room));
-                out.first += got.bytes;
-                out.second = got.problem;
-            }
-            co_return out;
-        };
-        auto write_until_an_error = [](ise::stream& to) -> task<std::error_code> {
-            const std::string piece(1000, 'x');
-            const asio::const_buffer all(piece.data(), piece.size());
-            for (;;) {
-                auto wrote = to.try_write({&all, 1});
-                if (wrote.problem && wrote.problem != asio::error::would_block) co_return wrote.problem;
-                auto problem = co_await to.wait_writable();
-                if (problem) co_return problem;
-            }
-        };
-        auto free = [](std::unique_ptr<ise::stream> what) -> task<> {
-            what.reset();
-            co_return;
-        };
-        for (std::size_t count = 0; count < 40; ++count) {
-            INFO(own << count);
-            asio::io_context elsewhere;
-            asio::ip::tcp::socket peer(elsewhere);
-            peer.connect({asio::ip::make_address("127.0.0.1"), static_cast<std::uint16_t>(ear->where().port)});
-            auto mine = at.run(accept(*ear));
-            // Half of them are read while it comes, half of them later.
-            std::future<std::pair<std::size_t, std::error_code>> read;
-            auto begin = [&] {
-                read = ise::async_run(at.host->loop().get_executor(), until_an_error(*mine), asio::use_future);
-            };
-            if (count % 2 == 0) begin();
-            for (std::size_t n = 0; n < count; ++n) peer.send(asio::buffer("x", 1));
-            peer.set_option(asio::socket_base::linger(true, 0));
-            peer.close();
-            if (count % 2 == 1) begin();
-            auto [bytes, problem] = read.get();
-            CHECK(bytes <= count);
-            CHECK(problem == asio::error::connection_reset);
-            const auto wrote = at.run(write_until_an_error(*mine));
-            CHECK((wrote == asio::error::broken_pipe || wrote == asio::error::connection_reset));
-            at.run(free(std::move(mine)));
-        }
-        auto no_ear = [](std::unique_ptr<ise::listener> what) -> task<> {
-            what.reset();
-            co_return;
-        };
-        at.run(no_ear(std::move(ear)));
-    }
-}
-
 TEST_CASE("sockets: whoever waits can be cancelled and go on, and closing ends every wait") {
     for (bool own : {true, false})
-        for (bool tcp : {true, false}) {
+        for (bool tcp : kinds()) {
             INFO(own << tcp);
             place at(own);
             auto& loop = at.host->loop();

@@ -9,8 +9,7 @@
 #include <asio/co_spawn.hpp>
 #include <asio/detached.hpp>
 #include <asio/io_context.hpp>
-#include <asio/local/connect_pair.hpp>
-#include <asio/local/stream_protocol.hpp>
+#include <asio/ip/tcp.hpp>
 #include <asio/post.hpp>
 #include <asio/read.hpp>
 #include <asio/steady_timer.hpp>
@@ -30,9 +29,9 @@
 namespace tasks_test {
 
 using namespace std::chrono_literals;
+using asio::ip::tcp;
 using ise::task;
 using ise::use_task;
-using local = asio::local::stream_protocol;
 
 namespace {
 
@@ -43,19 +42,25 @@ struct counted { // how many frames live
     ~counted() { --alive; }
 };
 
+void connect_pair(tcp::socket& near, tcp::socket& far) {
+    tcp::acceptor ear(near.get_executor(), tcp::endpoint(asio::ip::address_v4::loopback(), 0));
+    far.connect(ear.local_endpoint());
+    near = ear.accept();
+}
+
 struct pair {
     asio::io_context io;
-    local::socket near{io}, far{io};
-    pair() { asio::local::connect_pair(near, far); }
+    tcp::socket near{io}, far{io};
+    pair() { connect_pair(near, far); }
 };
 
-task<std::string> read_text(local::socket& from, std::size_t count) {
+task<std::string> read_text(tcp::socket& from, std::size_t count) {
     std::string text(count, '\0');
     co_await asio::async_read(from, asio::buffer(text), use_task);
     co_return text;
 }
 
-asio::awaitable<std::string> read_as_asio(local::socket& from, std::size_t count) {
+asio::awaitable<std::string> read_as_asio(tcp::socket& from, std::size_t count) {
     std::string text(count, '\0');
     co_await asio::async_read(from, asio::buffer(text), asio::use_awaitable);
     co_return text;
@@ -231,8 +236,8 @@ TEST_CASE("wherever a task is when its io_context goes, all its coroutines are d
         bool ended = false;
         {
             asio::io_context io;
-            local::socket near(io), far(io);
-            asio::local::connect_pair(near, far);
+            tcp::socket near(io), far(io);
+            connect_pair(near, far);
             auto inner = [&](int n) -> task<int> {
                 counted frame(alive);
                 co_await asio::post(io, use_task);

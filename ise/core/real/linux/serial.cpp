@@ -1,4 +1,4 @@
-#include <ise/core/real/descriptor_stream.hpp>
+#include <ise/core/real/linux/descriptor_stream.hpp>
 #include <ise/core/real/sockets.hpp>
 
 #include <asio/posix/stream_descriptor.hpp>

@@ -2,14 +2,11 @@
 
 #include <algorithm>
 
-#if defined(__unix__)
-    #include <sys/resource.h>
-#endif
+#include <sys/resource.h>
 
 namespace ise {
 
 std::size_t room_for_sockets(std::size_t wanted) {
-#if defined(__unix__)
     constexpr rlim_t others = 256; // databases, sessions with other components, logs
     const rlim_t needed = static_cast<rlim_t>(wanted) + others;
     rlimit now{};
@@ -20,9 +17,6 @@ std::size_t room_for_sockets(std::size_t wanted) {
     if (now.rlim_cur >= needed) return wanted;
     return std::min(
         wanted, static_cast<std::size_t>(std::max(now.rlim_cur / 2, now.rlim_cur - std::min(others, now.rlim_cur))));
-#else
-    return wanted;
-#endif
 }
 
 } // namespace ise

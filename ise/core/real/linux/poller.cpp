@@ -1,4 +1,4 @@
-#include <ise/core/real/poller.hpp>
+#include <ise/core/real/linux/poller.hpp>
 
 #include <ise/core/environment.hpp>
 

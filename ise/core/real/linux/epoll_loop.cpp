@@ -1,4 +1,7 @@
-#include <ise/core/real/epoll_loop.hpp>
+#include <ise/core/real/linux/epoll_loop.hpp>
+
+#include <ise/core/real/own_loop.hpp>
+#include <ise/core/real/system.hpp>
 
 #include <algorithm>
 #include <cerrno>
@@ -6,7 +9,6 @@
 #include <csignal>
 #include <system_error>
 
-#include <pthread.h>
 #include <sys/eventfd.h>
 #include <sys/timerfd.h>
 #include <unistd.h>
@@ -17,6 +19,11 @@ namespace {
 thread_local const epoll_loop* running = nullptr;
 
 constexpr std::uint32_t always = EPOLLIN | EPOLLRDHUP | EPOLLET;
+
+descriptor::ready meaning_of(std::uint32_t events) noexcept {
+    return {(events & EPOLLIN) != 0, (events & (EPOLLOUT | EPOLLHUP | EPOLLERR)) != 0,
+            (events & (EPOLLRDHUP | EPOLLHUP | EPOLLERR)) != 0};
+}
 
 } // namespace
 
@@ -60,7 +67,7 @@ epoll_loop::epoll_loop(environment& world, const std::string& name, std::shared_
     loop_ = std::make_unique<ise::loop>(world, loop_executor(*this), [this] { return running_here(); });
     loop_->use_alarm(std::make_unique<next_alarm>(*this));
     thread_ = std::thread([this] { run(); });
-    ::pthread_setname_np(thread_.native_handle(), name.substr(0, 15).c_str());
+    name_thread(thread_, name);
 }
 
 // What was posted since it ended holds parts of the loop, and so may what that drops.
@@ -136,7 +143,7 @@ asio::execution_context& epoll_loop::objects() {
     } afterwards{before};
     asio_work_.emplace(asio_.get_executor());
     asio_thread_ = std::thread([this] { asio_.run(); });
-    ::pthread_setname_np(asio_thread_.native_handle(), "ise-asio");
+    name_thread(asio_thread_, "ise-asio");
     return asio_;
 }
 
@@ -171,7 +178,7 @@ void epoll_loop::tell(int count) {
             continue;
         }
         loop::turn in(*loop_);
-        static_cast<descriptor*>(event.data.ptr)->on_events(event.events);
+        static_cast<descriptor*>(event.data.ptr)->on_events(meaning_of(event.events));
     }
     come_ = 0;
 }
@@ -217,5 +224,10 @@ void epoll_loop::remove(descriptor& watched) noexcept {
 }
 
 void epoll_loop::again(descriptor& watched) { again_.push_back(&watched); }
+
+std::unique_ptr<loop_host> make_own_loop(environment& world, const std::string& name, std::shared_ptr<void> held) {
+    static const auto seats = std::make_shared<poll_seats>(); // of the process
+    return std::make_unique<epoll_loop>(world, name, std::move(held), seats);
+}
 
 } // namespace ise::real

@@ -1,6 +1,6 @@
-#include "keys_files.hpp"
+#include "../keys_files.hpp"
 
-#include "exit_code.hpp"
+#include "../exit_code.hpp"
 
 #include <ise/core/real/environment.hpp>
 

@@ -3,7 +3,7 @@
 #include <ise/core/loop.hpp>
 #include <ise/core/loop_executor.hpp>
 #include <ise/core/real/descriptor.hpp>
-#include <ise/core/real/poller.hpp>
+#include <ise/core/real/linux/poller.hpp>
 #include <ise/core/ring.hpp>
 
 #include <asio/executor_work_guard.hpp>

@@ -1,4 +1,3 @@
-// environment-boundary: the real world's files and their owners
 #include <ise/core/real/ownership.hpp>
 
 #include <fmt/format.h>
@@ -181,6 +180,8 @@ result<void> check_own_file(const std::string& file, std::string_view doing) {
     if (own) return own;
     return failure(own.error().code(), fmt::format("cannot {} {}: {}", doing, file, own.error().message()));
 }
+
+bool is_own_user(std::optional<std::uint32_t> user) noexcept { return user == ::geteuid(); }
 
 std::string process_user() {
     auto name = name_of_user(::geteuid());

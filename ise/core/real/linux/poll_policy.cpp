@@ -1,4 +1,4 @@
-#include <ise/core/real/poll_policy.hpp>
+#include <ise/core/real/linux/poll_policy.hpp>
 
 #include <algorithm>
 #include <utility>

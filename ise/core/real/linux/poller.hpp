@@ -1,6 +1,6 @@
 #pragma once
 #include <ise/core/loop.hpp>
-#include <ise/core/real/poll_policy.hpp>
+#include <ise/core/real/linux/poll_policy.hpp>
 
 #include <asio/any_io_executor.hpp>
 

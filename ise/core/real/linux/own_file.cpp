@@ -1,4 +1,3 @@
-// environment-boundary: replaces real files, in one step
 #include <ise/core/real/own_file.hpp>
 
 #include <fmt/format.h>
@@ -7,6 +6,7 @@
 #include <system_error>
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 namespace ise {
@@ -34,6 +34,15 @@ bool write_all(int file, std::string_view text) {
 std::string folder_of(const std::string& path) {
     auto slash = path.rfind('/');
     return slash == path.npos ? "." : slash == 0 ? "/" : path.substr(0, slash);
+}
+
+result<void> make_own_folders(const std::string& folder) {
+    if (::access(folder.c_str(), F_OK) == 0) return {};
+    if (auto above = folder_of(folder); above != folder)
+        if (auto made = make_own_folders(above); !made) return made;
+    if (::mkdir(folder.c_str(), 0700) == 0 || errno == EEXIST) return {};
+    return failure(errc::io_failed, fmt::format("cannot make the folder {}: {}", folder,
+                                                std::error_code(errno, std::system_category()).message()));
 }
 
 result<void> replace_own_file(const std::string& path, std::string_view content) {

@@ -1,6 +1,6 @@
-#include "output.hpp"
+#include "../output.hpp"
 
-#include "exit_code.hpp"
+#include "../exit_code.hpp"
 
 #include <fmt/format.h>
 
