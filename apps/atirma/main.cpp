@@ -259,8 +259,10 @@ int obey(int count, char** words) {
     retains->add_option("--boat", kept_boat, "of this boat (default: of all)");
     retains->add_option("--kind", kept_kind, "of this kind, its number on air (default: of all)")
         ->check(CLI::Range(0, 255));
-    retains->add_option("--days", kept_days, "since measurement and reception (default: the rule is removed)")
+    retains->add_option("--days", kept_days, "since measurement and reception (default: rules are only printed)")
         ->check(CLI::Range(1, 100'000));
+    bool kept_forever = false;
+    retains->add_flag("--remove", kept_forever, "remove that rule")->excludes("--days");
     retains->footer("The most particular rule counts: boat and kind, then boat, then kind, then all. Nodes remove older "
                     "packets once an hour.\n"
                     "Exit codes: 0 done, 1 a failure, 2 wrong arguments.\n"
@@ -340,7 +342,9 @@ int obey(int count, char** words) {
         if (migrates->parsed()) return tell(atirma::migrate_database(url));
         if (imports->parsed()) return tell(atirma::import_store(file, url, stored_boat));
         if (exports->parsed()) return tell(atirma::export_store(url, stored_boat, file));
-        if (retains->parsed()) return tell(atirma::set_retention(url, kept_boat, kept_kind, kept_days));
+        if (retains->parsed())
+            return tell(kept_days || kept_forever ? atirma::set_retention(url, kept_boat, kept_kind, kept_days)
+                                                  : atirma::retention(url));
         if (replays->parsed()) return atirma::replay(replaying, wanted, say) ? 0 : 1;
         if (decodes->parsed()) return decode_input();
         if (new_key->parsed()) return atirma::new_radio_key(file, boat);

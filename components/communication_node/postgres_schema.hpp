@@ -183,7 +183,7 @@ END $$;
 
 CREATE FUNCTION atirma.prune(of integer, keep_commands bigint) RETURNS bigint LANGUAGE plpgsql AS $$
 DECLARE
-  rule record; removed bigint := 0; some bigint; until bigint;
+  rule record; removed bigint := 0; gone bigint; until bigint;
 BEGIN
   FOR rule IN SELECT DISTINCT ON (k.kind) k.kind, r.days
       FROM (SELECT kind FROM atirma.newest WHERE boat = of UNION SELECT kind FROM atirma.retention WHERE kind >= 0) k
@@ -193,13 +193,13 @@ BEGIN
     DELETE FROM atirma.packets p USING (SELECT measured, position FROM atirma.packets WHERE boat = of AND kind = rule.kind
         AND measured < until AND received < until ORDER BY measured LIMIT 5000) old
       WHERE p.boat = of AND p.position = old.position AND p.measured = old.measured;
-    GET DIAGNOSTICS some = ROW_COUNT;
-    removed := removed + some;
+    GET DIAGNOSTICS gone = ROW_COUNT;
+    removed := removed + gone;
   END LOOP;
   DELETE FROM atirma.commands WHERE boat = of AND number IN (SELECT number FROM atirma.commands WHERE boat = of AND NOT open
     ORDER BY number DESC OFFSET keep_commands LIMIT 2000);
-  GET DIAGNOSTICS some = ROW_COUNT;
-  RETURN removed + some;
+  GET DIAGNOSTICS gone = ROW_COUNT;
+  RETURN removed + gone;
 END $$;
 )sql";
 

@@ -37,6 +37,15 @@ std::optional<std::int64_t> number_of_boat(postgres_session& in, const std::stri
     return rows.empty() ? std::nullopt : std::optional(integer_of(rows[0], 0));
 }
 
+std::string rules_in(postgres_session& session) {
+    auto rules = session.query("SELECT boat, kind, days FROM atirma.retention ORDER BY boat, kind").value();
+    std::string text = rules.empty() ? "packets are kept for ever" : "packets are kept, by the most particular rule:";
+    for (const auto& row : rules)
+        text += fmt::format("\n  {}, {}: {} days", text_of(row, 0) == "*" ? "all boats" : text_of(row, 0),
+                            integer_of(row, 1) < 0 ? "all kinds" : "kind " + text_of(row, 1), text_of(row, 2));
+    return text;
+}
+
 } // namespace
 
 ise::result<std::string> migrate_database(const std::string& url) {
@@ -193,12 +202,14 @@ ise::result<std::string> set_retention(const std::string& url, const std::string
                 .value();
         else
             session.query("DELETE FROM atirma.retention WHERE boat = $1 AND kind = $2", {whose, which}).value();
-        auto rules = session.query("SELECT boat, kind, days FROM atirma.retention ORDER BY boat, kind").value();
-        std::string text = rules.empty() ? "packets are kept for ever" : "packets are kept, by the most particular rule:";
-        for (const auto& row : rules)
-            text += fmt::format("\n  {}, {}: {} days", text_of(row, 0) == "*" ? "all boats" : text_of(row, 0),
-                                integer_of(row, 1) < 0 ? "all kinds" : "kind " + text_of(row, 1), text_of(row, 2));
-        return text;
+        return rules_in(session);
+    });
+}
+
+ise::result<std::string> retention(const std::string& url) {
+    return without_throwing([&] {
+        auto session = open_current(url);
+        return rules_in(session);
     });
 }
 

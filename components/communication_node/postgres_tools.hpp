@@ -24,8 +24,10 @@ ise::result<std::string> export_store(const std::string& url, const std::string&
 /// Reads every row, and looks at the settings that durability depends on.
 ise::result<store_verdict> check_database(const std::string& url);
 
-/// How long packets are kept. No boat: all boats without a rule of their own; no kind: all kinds; no days: for ever.
+/// Sets how long packets are kept. No boat: all boats; no kind: all kinds; no days: the rule is removed. Returns all
+/// rules.
 ise::result<std::string> set_retention(const std::string& url, const std::string& boat, std::optional<int> kind,
                                        std::optional<std::uint32_t> days);
+ise::result<std::string> retention(const std::string& url); ///< all rules
 
 } // namespace atirma
