@@ -263,10 +263,11 @@ int obey(int count, char** words) {
         ->check(CLI::Range(1, 100'000));
     bool kept_forever = false;
     retains->add_flag("--remove", kept_forever, "remove that rule")->excludes("--days");
-    retains->footer("The most particular rule counts: boat and kind, then boat, then kind, then all. Nodes remove older "
-                    "packets once an hour.\n"
-                    "Exit codes: 0 done, 1 a failure, 2 wrong arguments.\n"
-                    "Example: atirma store retain postgresql://atirma@db.example/atirma --boat boat-2 --days 400");
+    retains->footer(
+        "The most particular rule counts: boat and kind, then boat, then kind, then all. Nodes remove older "
+        "packets once an hour.\n"
+        "Exit codes: 0 done, 1 a failure, 2 wrong arguments.\n"
+        "Example: atirma store retain postgresql://atirma@db.example/atirma --boat boat-2 --days 400");
 
     auto* keys = app.add_subcommand("keys", "the radio's key, which seals what boat and shore send");
     keys->require_subcommand(1);

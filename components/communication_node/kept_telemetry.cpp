@@ -33,8 +33,8 @@ void kept_telemetry::take(std::vector<telemetry_packet> packets, node_store::the
         mark_history(packet);
     }
     auto count = packets.size();
-    node_store::then<node_store::kept> noted = [this, count, done = std::move(done)](
-                                                   ise::result<node_store::kept> kept) mutable {
+    node_store::then<node_store::kept> noted = [this, count,
+                                                done = std::move(done)](ise::result<node_store::kept> kept) mutable {
         if (kept) {
             duplicates_ += count - kept->fresh;
             if (kept->fresh > 0) {

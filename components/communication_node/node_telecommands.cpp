@@ -84,7 +84,7 @@ void node_telecommands::on_status(link_id link, const telecommand_status& status
 }
 
 /// In memory, or on record.
-ise::task<ise::result<std::optional<command_record>>> node_telecommands::known(std::uint32_t id) {
+ise::task<ise::result<std::optional<command_record>>> node_telecommands::recorded(std::uint32_t id) {
     if (const auto* here = router_.find(id)) co_return std::optional(*here);
     store_answer<std::optional<command_record>> answer(here_.self.on());
     store_->command(id, store_.read(answer.here()));
@@ -200,7 +200,7 @@ ise::task<telecommand_reply> node_telecommands::accept(telecommand_request reque
                                                        std::string verified, ise::time_point deadline) {
     std::optional<command_record> record;
     if (request.id != 0) {
-        auto found = co_await known(request.id);
+        auto found = co_await recorded(request.id);
         if (!found) throw command_refused(found.error().message());
         record = std::move(*found);
     }

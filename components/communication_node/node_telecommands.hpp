@@ -50,7 +50,7 @@ public:
     ise::task<recall_reply> call_back(recall_request request, std::string who);
 
 private:
-    ise::task<ise::result<std::optional<command_record>>> known(std::uint32_t id);
+    ise::task<ise::result<std::optional<command_record>>> recorded(std::uint32_t id);
     ise::task<telecommand_reply> accept(telecommand_request request, std::string who, std::string verified,
                                         ise::time_point deadline);
     void check(const telecommand_request& request, const std::string& who);

@@ -47,17 +47,19 @@ std::uint64_t postgres_backfill::add_locked(std::span<const telemetry_packet> pa
     std::set<std::int64_t> days;
     std::set<std::pair<std::uint16_t, std::uint32_t>> numbers;
     for (const auto& packet : packets) {
-        days.insert(std::chrono::floor<std::chrono::days>(packet.measured_at).time_since_epoch() / std::chrono::milliseconds(1));
+        days.insert(std::chrono::floor<std::chrono::days>(packet.measured_at).time_since_epoch() /
+                    std::chrono::milliseconds(1));
         numbers.emplace(packet.boot, packet.sequence);
     }
     bool unlike = numbers.size() == packets.size();
     if (unlike) {
-        auto known = session_
-                         .query("SELECT EXISTS(SELECT 1 FROM atirma.packets WHERE boat = $1 AND (boot, sequence) >= ($2, $3) "
-                                "AND (boot, sequence) <= ($4, $5))",
-                                {boat_, std::to_string(numbers.begin()->first), std::to_string(numbers.begin()->second),
-                                 std::to_string(numbers.rbegin()->first), std::to_string(numbers.rbegin()->second)})
-                         .value();
+        auto known =
+            session_
+                .query("SELECT EXISTS(SELECT 1 FROM atirma.packets WHERE boat = $1 AND (boot, sequence) >= ($2, $3) "
+                       "AND (boot, sequence) <= ($4, $5))",
+                       {boat_, std::to_string(numbers.begin()->first), std::to_string(numbers.begin()->second),
+                        std::to_string(numbers.rbegin()->first), std::to_string(numbers.rbegin()->second)})
+                .value();
         unlike = text_of(known.at(0), 0) == "f";
     }
     if (!unlike) {
@@ -66,8 +68,8 @@ std::uint64_t postgres_backfill::add_locked(std::span<const telemetry_packet> pa
             packet_arrays arrays(packets.subspan(at, std::min(keep_page, packets.size() - at)));
             auto kept = session_
                             .query("SELECT fresh FROM atirma.keep($1, $2, $3, $4, $5, $6, $7, $8)",
-                                   {boat_, arrays.boots, arrays.sequences, arrays.times, arrays.links, arrays.receptions,
-                                    arrays.histories, arrays.contents})
+                                   {boat_, arrays.boots, arrays.sequences, arrays.times, arrays.links,
+                                    arrays.receptions, arrays.histories, arrays.contents})
                             .value();
             fresh += number_of(kept.at(0), 0);
         }
@@ -77,14 +79,16 @@ std::uint64_t postgres_backfill::add_locked(std::span<const telemetry_packet> pa
     auto before = std::to_string(head);
     std::string lines;
     for (const auto& p : packets)
-        fmt::format_to(std::back_inserter(lines), "{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t\\{}\n", boat_, p.boot, p.sequence,
-                       p.measured_at.time_since_epoch().count(), ++head, p.received_at.time_since_epoch().count(),
-                       static_cast<int>(p.link), p.raw.size() > 1 ? std::to_integer<int>(p.raw[1]) : 0,
-                       p.history ? 't' : 'f', postgres_bytes(p.raw));
+        fmt::format_to(std::back_inserter(lines), "{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t\\{}\n", boat_, p.boot,
+                       p.sequence, p.measured_at.time_since_epoch().count(), ++head,
+                       p.received_at.time_since_epoch().count(), static_cast<int>(p.link),
+                       p.raw.size() > 1 ? std::to_integer<int>(p.raw[1]) : 0, p.history ? 't' : 'f',
+                       postgres_bytes(p.raw));
     session_
-        .copy_in("COPY atirma.packets(boat, boot, sequence, measured, position, received, link, kind, history, raw) FROM "
-                 "STDIN",
-                 lines)
+        .copy_in(
+            "COPY atirma.packets(boat, boot, sequence, measured, position, received, link, kind, history, raw) FROM "
+            "STDIN",
+            lines)
         .value();
     session_.query("UPDATE atirma.boats SET head = $2 WHERE number = $1", {boat_, std::to_string(head)}).value();
     session_.query("SELECT atirma.know_newest($1, $2)", {boat_, before}).value();

@@ -2,8 +2,8 @@
 #include <array>
 #include <string_view>
 
-// Private to this folder. The tables and functions of a store in PostgreSQL, all in the schema `atirma`. Script n brings
-// version n to n+1. Times are milliseconds since 1970 (UTC), as the packets have them: to_timestamp(measured / 1000.0).
+// Private to this folder. The tables and functions of a store in PostgreSQL, all in the schema `atirma`. Script n
+// brings version n to n+1. Times are milliseconds since 1970 (UTC), as packets have them.
 namespace atirma::postgres_schema {
 
 // Partitions by month of the measurement, from 2000 on and up to a month ahead; what a wrong clock puts elsewhere is in
@@ -44,7 +44,8 @@ CREATE TABLE atirma.authority(
   PRIMARY KEY (boat, epoch));
 CREATE TABLE atirma.retention(boat text NOT NULL, kind smallint NOT NULL, days integer NOT NULL CHECK (days > 0),
   PRIMARY KEY (boat, kind));
-COMMENT ON TABLE atirma.retention IS 'days that packets are kept; boat ''*'' is all boats, kind -1 all kinds; the most particular rule counts';
+COMMENT ON TABLE atirma.retention IS
+  'days that packets are kept; boat ''*'' is all boats, kind -1 all kinds; the most particular rule counts';
 
 CREATE FUNCTION atirma.make_partitions(times bigint[]) RETURNS void LANGUAGE plpgsql AS $$
 DECLARE
@@ -69,7 +70,9 @@ CREATE FUNCTION atirma.open_boat(of text, fresh bigint) RETURNS SETOF atirma.boa
 DECLARE
   b atirma.boats; now_here text;
 BEGIN
-  SELECT s.system_identifier || '/' || c.timeline_id INTO now_here FROM pg_control_system() s, pg_control_checkpoint() c;
+  -- The timeline that is written now; pg_control_checkpoint() has that of the last checkpoint.
+  SELECT system_identifier || '/' || left(pg_walfile_name(pg_current_wal_lsn()), 8) INTO now_here
+    FROM pg_control_system();
   INSERT INTO atirma.boats(boat, life, cluster) VALUES (of, fresh, now_here) ON CONFLICT DO NOTHING;
   SELECT * INTO b FROM atirma.boats WHERE boat = of FOR UPDATE;
   IF b.cluster <> now_here THEN

@@ -66,15 +66,15 @@ template <class T, class Use>
 void postgres_store::ask(std::string_view sql, std::vector<postgres_value> bound, then<T> done, Use use) {
     if (!ready_)
         return done(refusal_ ? *refusal_ : ise::failure(ise::errc::io_failed, name() + ": is being connected to"));
-    client_.query(std::string(sql), std::move(bound),
-                  [this, done = std::move(done), use](ise::result<postgres_rows> rows) mutable {
-                      if (!rows) return done(rows.error());
-                      auto made = used(*rows, use);
-                      if (!made)
-                          return done(ise::failure(ise::errc::io_failed,
-                                                   fmt::format("{}: {}", name(), made.error().message())));
-                      done(std::move(made));
-                  });
+    client_.query(
+        std::string(sql), std::move(bound),
+        [this, done = std::move(done), use](ise::result<postgres_rows> rows) mutable {
+            if (!rows) return done(rows.error());
+            auto made = used(*rows, use);
+            if (!made)
+                return done(ise::failure(ise::errc::io_failed, fmt::format("{}: {}", name(), made.error().message())));
+            done(std::move(made));
+        });
 }
 
 // --- the connection ---------------------------------------------------------------------------------------------
@@ -352,7 +352,8 @@ void postgres_store::begin(const command_record& record, std::uint32_t epoch, th
                 std::to_string(s.at.time_since_epoch().count()), record.node, ise::to_json(record)},
                std::move(answered), [](const postgres_rows& rows) {
                    begun made;
-                   if (text_of(rows.at(0), 0) == "known") made.known = ise::from_json<command_record>(text_of(rows[0], 1));
+                   if (text_of(rows.at(0), 0) == "known")
+                       made.known = ise::from_json<command_record>(text_of(rows[0], 1));
                    if (text_of(rows.at(0), 0) == "other authority") made.authority.emplace();
                    return made;
                });
@@ -413,9 +414,10 @@ void postgres_store::put(const change_of_authority& state, const std::pair<std::
             authority_ = next;
             return done(std::optional<change_of_authority>());
         }
-        ask<std::optional<change_of_authority>>(authority_query, {boat}, std::move(done), [](const postgres_rows& rows) {
-            return std::optional(authority_in(rows).value_or(change_of_authority()));
-        });
+        ask<std::optional<change_of_authority>>(
+            authority_query, {boat}, std::move(done), [](const postgres_rows& rows) {
+                return std::optional(authority_in(rows).value_or(change_of_authority()));
+            });
     };
     ask<bool>("SELECT atirma.put_authority($1, $2, $3, $4, $5, $6)",
               {boat, std::to_string(before.first), std::to_string(before.second), std::to_string(next.first),

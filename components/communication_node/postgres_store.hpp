@@ -10,9 +10,9 @@
 namespace atirma {
 
 struct postgres_store_options {
-    std::string url;  ///< has passed check_postgres_url
-    std::string boat; ///< whose rows are used; others are not seen
-    std::string node; ///< path of this node, which other nodes see
+    std::string url;                                 ///< has passed check_postgres_url
+    std::string boat;                                ///< whose rows are used; others are not seen
+    std::string node;                                ///< path of this node, which other nodes see
     ise::duration silence = std::chrono::seconds(3); ///< after which another node counts as lost
 };
 

@@ -83,11 +83,13 @@ ise::result<std::string> import_store(const std::string& file, const std::string
         auto held = reader.authority();
         bool newer = held.first.epoch != 0 && into.put(held.first, held.second).value();
         const auto& found = reader.found();
-        auto text = fmt::format("{} packets and {} telecommands of {} are in {} for boat {}; {} of the packets were new",
-                                found.packets, found.telecommands, file, postgres_name(url), boat, fresh);
+        auto text =
+            fmt::format("{} packets and {} telecommands of {} are in {} for boat {}; {} of the packets were new",
+                        found.packets, found.telecommands, file, postgres_name(url), boat, fresh);
         if (held.first.epoch != 0 && !newer) text += "; the authority there is as new, and stays";
         if (auto lost = found.damaged_packets + found.damaged_telecommands + found.unreadable.size(); lost != 0)
-            text += fmt::format("; {} damaged rows or parts of the file were left out (atirma store check {})", lost, file);
+            text +=
+                fmt::format("; {} damaged rows or parts of the file were left out (atirma store check {})", lost, file);
         return text;
     });
 }
@@ -105,8 +107,9 @@ ise::result<std::string> export_store(const std::string& url, const std::string&
         auto life = session.query("SELECT life FROM atirma.boats WHERE number = $1", {id}).value();
         auto to = sqlite_store::open(file, number_of(life.at(0), 0)).value();
         std::uint64_t packets = 0, commands = 0;
-        auto sql = fmt::format("SELECT {} FROM atirma.packets WHERE boat = $1 AND position > $2 ORDER BY position LIMIT {}",
-                               columns_of_packet, database_page);
+        auto sql =
+            fmt::format("SELECT {} FROM atirma.packets WHERE boat = $1 AND position > $2 ORDER BY position LIMIT {}",
+                        columns_of_packet, database_page);
         for (std::string after = "0";;) {
             auto rows = session.query(sql, {id, after}).value();
             if (rows.empty()) break;
@@ -116,9 +119,10 @@ ise::result<std::string> export_store(const std::string& url, const std::string&
             packets += page.size();
             after = text_of(rows.back(), 0);
         }
-        auto of_commands = fmt::format("SELECT record, number FROM atirma.commands WHERE boat = $1 AND number > $2 ORDER BY "
-                                       "number LIMIT {}",
-                                       command_pages);
+        auto of_commands =
+            fmt::format("SELECT record, number FROM atirma.commands WHERE boat = $1 AND number > $2 ORDER BY "
+                        "number LIMIT {}",
+                        command_pages);
         for (std::string after = "0";;) {
             auto rows = session.query(of_commands, {id, after}).value();
             if (rows.empty()) break;
@@ -127,7 +131,8 @@ ise::result<std::string> export_store(const std::string& url, const std::string&
             commands += records.size();
             after = text_of(rows.back(), 1);
         }
-        auto states = session.query("SELECT state, change FROM atirma.authority WHERE boat = $1 ORDER BY epoch", {id}).value();
+        auto states =
+            session.query("SELECT state, change FROM atirma.authority WHERE boat = $1 ORDER BY epoch", {id}).value();
         for (const auto& row : states)
             to.put(ise::from_json<authority_state>(text_of(row, 0)), number_of(row, 1)).value();
         session.run_script("COMMIT").value();
@@ -158,7 +163,8 @@ ise::result<store_verdict> check_database(const std::string& url) {
             }
             auto records = session.query("SELECT record, id FROM atirma.commands WHERE boat = $1", {id});
             if (!records) {
-                wrong(fmt::format("{}: its telecommands cannot be read: {}", text_of(row, 1), records.error().message()));
+                wrong(
+                    fmt::format("{}: its telecommands cannot be read: {}", text_of(row, 1), records.error().message()));
                 continue;
             }
             const auto& counts = found->at(0);
@@ -200,8 +206,7 @@ ise::result<std::string> set_retention(const std::string& url, const std::string
                        "excluded.days",
                        {whose, which, std::to_string(*days)})
                 .value();
-        else
-            session.query("DELETE FROM atirma.retention WHERE boat = $1 AND kind = $2", {whose, which}).value();
+        else session.query("DELETE FROM atirma.retention WHERE boat = $1 AND kind = $2", {whose, which}).value();
         return rules_in(session);
     });
 }

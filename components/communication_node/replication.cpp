@@ -125,7 +125,8 @@ ise::task<replication_page> replication::tell(replication_request request) {
     };
     while (!has_news() && here_.now() < until) co_await peer_.wait_for_news(until);
     shared = store_.file().shared(request.yours); // the store may be another one by now
-    auto page = store_.read(store_.file().page_after(request.store, shared.packets, shared.commands, replication_page_size));
+    auto page =
+        store_.read(store_.file().page_after(request.store, shared.packets, shared.commands, replication_page_size));
     if (!page) throw replication_refused(page.error().message());
     page->node = me;
     page->secondary = options.secondary;

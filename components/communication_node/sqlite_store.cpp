@@ -160,7 +160,7 @@ std::vector<store_part> sqlite_store::known_of_peer() const {
 }
 
 ise::result<std::string> sqlite_store::set_aside(const ise::failure& cause, std::chrono::system_clock::time_point now,
-                                               const ise::logger& log) {
+                                                 const ise::logger& log) {
     auto file = this->file();
     db_->close();
     return atirma::set_aside(file, cause, now, log);
@@ -213,7 +213,7 @@ std::vector<telemetry_packet> sqlite_store::numbered(std::vector<telemetry_packe
 }
 
 ise::result<std::vector<telemetry_packet>> sqlite_store::packets(std::uint64_t after, std::uint64_t up_to,
-                                                               std::size_t most) {
+                                                                 std::size_t most) {
     return caught([&] { return numbered(packets_.page(after, up_to, most)); });
 }
 
@@ -269,7 +269,7 @@ ise::result<void> sqlite_store::put(const authority_state& state, std::uint64_t 
 }
 
 ise::result<replication_page> sqlite_store::page_after(std::uint64_t asker, std::uint64_t after, std::uint64_t commands,
-                                                     std::size_t most) {
+                                                       std::size_t most) {
     return caught([&] {
         replication_page made;
         made.origin = origin_;
@@ -291,7 +291,7 @@ ise::result<replication_page> sqlite_store::page_after(std::uint64_t asker, std:
 }
 
 ise::result<std::uint32_t> sqlite_store::apply(const replication_page& page, std::span<const command_record> news,
-                                             bool authority_is_news) {
+                                               bool authority_is_news) {
     auto out_of_step = [](std::string why) { throw ise::error(ise::errc::protocol_error, std::move(why)); };
     auto own = own_.now;
     auto peer = peer_;

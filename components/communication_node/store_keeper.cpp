@@ -84,8 +84,8 @@ ise::task<std::unique_ptr<opened_store>> open_store(const node_context& here) {
 }
 
 store_keeper::store_keeper(node_context& here, opened_store& opened, actions then)
-    : refilling(!opened.aside.empty()), here_(here), then_(std::move(then)), store_(std::move(opened.store)), file_(dynamic_cast<sqlite_store*>(store_.get())),
-      notice_(opened.notice), restoring_(opened.aside.size()) {}
+    : refilling(!opened.aside.empty()), here_(here), then_(std::move(then)), store_(std::move(opened.store)),
+      file_(dynamic_cast<sqlite_store*>(store_.get())), notice_(opened.notice), restoring_(opened.aside.size()) {}
 
 void store_keeper::accepted() {
     if (well()) return;

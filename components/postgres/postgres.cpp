@@ -43,9 +43,8 @@ ise::result<settings> settings_of(const std::string& url) {
     auto* parsed = PQconninfoParse(url.c_str(), &why);
     if (!parsed) {
         PQfreemem(why); // it may repeat the password
-        return ise::failure(ise::errc::invalid_argument,
-                            "the URL of the store is not one of PostgreSQL; it looks like "
-                            "postgresql://user@host:5432/database?sslmode=verify-full");
+        return ise::failure(ise::errc::invalid_argument, "the URL of the store is not one of PostgreSQL; it looks like "
+                                                         "postgresql://user@host:5432/database?sslmode=verify-full");
     }
     settings made;
     for (const auto* one = parsed; one->keyword; ++one)
@@ -112,8 +111,8 @@ postgres_rows rows_in(const PGresult* from) {
         cells.resize(static_cast<std::size_t>(width));
         for (int column = 0; column < width; ++column)
             if (!PQgetisnull(from, row, column))
-                cells[static_cast<std::size_t>(column)] =
-                    std::string(PQgetvalue(from, row, column), static_cast<std::size_t>(PQgetlength(from, row, column)));
+                cells[static_cast<std::size_t>(column)] = std::string(
+                    PQgetvalue(from, row, column), static_cast<std::size_t>(PQgetlength(from, row, column)));
     }
     return made;
 }
@@ -248,15 +247,16 @@ private:
             add(host, host.empty() || host.front() == '/' || host.front() == '@' ? "" : host, port);
             return resolve(index + 1);
         }
-        resolver_.async_resolve(host, "", [weak = weak_from_this(), add, host, port, index](std::error_code problem,
-                                                                                            const auto& found) {
-            auto self = weak.lock();
-            if (!self || self->stage_ != stage::resolving) return;
-            ise::loop::turn in(self->loop_);
-            if (problem) self->unresolved_ = fmt::format("the name {} is not resolved: {}", host, problem.message());
-            for (const auto& one : found) add(host, one.endpoint().address().to_string(), port);
-            self->resolve(index + 1);
-        });
+        resolver_.async_resolve(
+            host, "", [weak = weak_from_this(), add, host, port, index](std::error_code problem, const auto& found) {
+                auto self = weak.lock();
+                if (!self || self->stage_ != stage::resolving) return;
+                ise::loop::turn in(self->loop_);
+                if (problem)
+                    self->unresolved_ = fmt::format("the name {} is not resolved: {}", host, problem.message());
+                for (const auto& one : found) add(host, one.endpoint().address().to_string(), port);
+                self->resolve(index + 1);
+            });
     }
 
     void connect() {
@@ -272,7 +272,8 @@ private:
         if (!connection_ || PQstatus(connection_.get()) == CONNECTION_BAD)
             return lose(failed(connection_ ? PQerrorMessage(connection_.get()) : "out of memory"));
         PQsetnonblocking(connection_.get(), 1);
-        PQsetNoticeProcessor(connection_.get(), [](void*, const char*) {}, nullptr);
+        PQsetNoticeProcessor(
+            connection_.get(), [](void*, const char*) {}, nullptr);
         stage_ = stage::connecting;
         wait(PGRES_POLLING_WRITING);
     }
@@ -423,7 +424,8 @@ ise::result<postgres_session> postgres_session::open(const std::string& url) {
     made->name = postgres_name(url);
     made->to.reset(PQconnectdbParams(parameters.keys.data(), parameters.values.data(), 0));
     if (PQstatus(made->to.get()) != CONNECTION_OK) return made->failed(PQerrorMessage(made->to.get()));
-    PQsetNoticeProcessor(made->to.get(), [](void*, const char*) {}, nullptr);
+    PQsetNoticeProcessor(
+        made->to.get(), [](void*, const char*) {}, nullptr);
     return postgres_session(std::move(made));
 }
 

@@ -18,11 +18,11 @@ using postgres_value = std::optional<std::string>;
 using postgres_row = std::vector<postgres_value>;
 using postgres_rows = std::vector<postgres_row>;
 
-std::string postgres_bytes(const std::vector<std::byte>& raw);                 ///< text form of a bytea
-std::vector<std::byte> bytes_of_postgres(const postgres_value& text);          ///< and back
-std::string postgres_array(const std::vector<std::string>& values);            ///< text form of an array
-std::int64_t integer_of(const postgres_row& row, std::size_t column);          ///< 0 for NULL
-const std::string& text_of(const postgres_row& row, std::size_t column);       ///< empty for NULL
+std::string postgres_bytes(const std::vector<std::byte>& raw);           ///< text form of a bytea
+std::vector<std::byte> bytes_of_postgres(const postgres_value& text);    ///< and back
+std::string postgres_array(const std::vector<std::string>& values);      ///< text form of an array
+std::int64_t integer_of(const postgres_row& row, std::size_t column);    ///< 0 for NULL
+const std::string& text_of(const postgres_row& row, std::size_t column); ///< empty for NULL
 
 /// Whether this program was built with libpq.
 bool has_postgres() noexcept;

@@ -68,15 +68,17 @@ class Server:
         if not found or int(found[-1].split("/")[4]) < 15:
             raise Skipped("PostgreSQL 15 is not installed (cmake/install-packages test)")
         self.bin, self.who = Path(found[-1]).parent, unprivileged()
-        self.folder, self.data = folder, data or folder / "data"
-        self.data.mkdir(exist_ok=True)
+        self.folder = folder / "server"
+        self.data = data or self.folder / "data"
+        for each in (self.folder, self.data):
+            each.mkdir(exist_ok=True)
         for each in (self.folder, self.data):
             if self.who:
                 os.chown(each, self.who["user"], self.who["group"])
-        self.folder.chmod(0o755)
+        folder.chmod(0o755)
         words = ["-D", self.data / "cluster", "-U", "atirma", "--data-checksums", "--no-sync"]
         if password:
-            file = folder / "first-password"
+            file = self.folder / "first-password"
             file.write_text(password + "\n")
             file.chmod(0o644)
             words += ["-A", "scram-sha-256", "--pwfile", file]
@@ -333,13 +335,13 @@ def story_full(folder, shore):
             ballast = room / "ballast"
             subprocess.run(["sh", "-c", f"dd if=/dev/zero of={ballast} bs=1M 2>/dev/null; dd if=/dev/zero of={ballast}2 bs=4k 2>/dev/null"], check=False)
             sequence, done = 1000, None
-            for sequence in range(1000, 200_000, 200):
-                done = shore.call(1, "telemetry_store", {"packets": [packet(each, raw=b"\x01\x02" + bytes(900)) for each in range(sequence, sequence + 200)]})
+            for sequence in range(1000, 200_000, 60):
+                done = shore.call(1, "telemetry_store", {"packets": [packet(each, raw=b"\x01\x02" + bytes(900)) for each in range(sequence, sequence + 60)]})
                 if done.returncode != 0:
                     break
             refused(done, "do not acknowledge it to the boat")
             state = until(lambda: (told := shore.state(1))["trouble"] and told, "the node reports the full disk")
-            told = state["trouble"] + done.stderr + (folder / "server.log").read_text()
+            told = state["trouble"] + done.stderr + (folder / "server" / "server.log").read_text()
             expect("for want of room", "No space left on device" in told or "could not extend" in told, told[-2000:])
             ballast.unlink()
             Path(str(ballast) + "2").unlink(missing_ok=True)
@@ -347,7 +349,7 @@ def story_full(folder, shore):
                 (server.data / "cluster" / "postmaster.pid").unlink(missing_ok=True)
                 server.start()
             until(lambda: not shore.state(1)["trouble"], "the node goes on by itself", 60)
-            shore.kept(1, range(sequence, sequence + 200), raw=b"\x01\x02" + bytes(900))
+            shore.kept(1, range(sequence, sequence + 60), raw=b"\x01\x02" + bytes(900))
             expect("what was acknowledged before is there", shore.track(1)[:10] == list(range(1, 11)))
         finally:
             server.stop()
@@ -489,7 +491,7 @@ def main():
             print(f"skipped: {name}: {why}", flush=True)
         except (Failed, subprocess.TimeoutExpired) as why:
             print(f"wrong: {name}: {STORIES[name].__doc__}\n{why}", flush=True)
-            for log in sorted(folder.glob("*.log")):
+            for log in sorted(folder.rglob("*.log")):
                 print(f"--- {log.name}\n{log.read_text()[-3000:]}", flush=True)
             return 1
         finally:
