@@ -38,6 +38,9 @@ ise::component_type communication_node_type() {
     auto& options = chosen->options;
     auto& set = type.parameters;
     set.add("file", options.file, "its database (SQLite); each node has its own").kind(ise::parameter_kind::path);
+    set.add("store", options.store,
+            "database (PostgreSQL) instead of a file, shared by all nodes of the boat; its password comes from "
+            "PGPASSFILE or PGPASSWORD");
     set.add("peer", options.peer, "the other node's path; empty: there is none");
     set.add("secondary", options.secondary, "secondary node: the other one is preferred");
     set.add("proxy", chosen->proxies, "a link and the path of its proxy: xbee=atirma/shore/xbee");

@@ -6,7 +6,9 @@
 
 #include <apps/program_options.hpp>
 #include <components/boat/decoded_telemetry.hpp>
+#include <components/communication_node/postgres_tools.hpp>
 #include <components/communication_node/store_check.hpp>
+#include <components/postgres/postgres.hpp>
 
 #include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
@@ -115,13 +117,19 @@ int observe(const common_options& common, const atirma::observer_options& option
 }
 
 int check_store(const std::string& file) {
-    auto checked = atirma::check_store(file);
+    auto checked = atirma::is_postgres_url(file) ? atirma::check_database(file) : atirma::check_store(file);
     if (!checked) {
         complain(checked.error().message());
         return 1;
     }
     say(checked->text.substr(0, checked->text.size() - 1));
     return checked->sound ? 0 : 1;
+}
+
+int tell(const ise::result<std::string>& done) {
+    if (done) say(*done);
+    else complain(done.error().message());
+    return done ? 0 : 1;
 }
 
 // Lines that say nothing of the boat are reported, and the next one is read.
@@ -216,13 +224,50 @@ int obey(int count, char** words) {
     observes->add_option("--for", length_s, "seconds")->check(CLI::Range(1.0, 86400.0))->capture_default_str();
 
     std::string file;
-    auto* store = app.add_subcommand("store", "examine the file of a communication node");
+    auto* store = app.add_subcommand("store", "the stores of communication nodes: files, and databases of PostgreSQL");
     store->require_subcommand(1);
+    const std::string url_help = "postgresql:, user, host and database as a URL; the password comes from PGPASSFILE or "
+                                 "PGPASSWORD";
+    std::string url, stored_boat = "atirma";
     auto* checks =
         store->add_subcommand("check", "read everything in it and compare checksums; the node may be running");
-    checks->add_option("file", file, "the node's --file")->required();
-    checks->footer("Exit codes: 0 the file is valid, 1 it is damaged or cannot be read, 2 wrong arguments.\n"
+    checks->add_option("store", file, "the node's --file or --store")->required();
+    checks->footer("Exit codes: 0 the store is valid, 1 it is damaged or cannot be read, 2 wrong arguments.\n"
                    "Example: atirma store check /var/lib/atirma/node.db");
+    auto* migrates = store->add_subcommand("migrate", "make or update the tables of a database; nodes may be running");
+    migrates->add_option("store", url, url_help)->required();
+    migrates->footer("Exit codes: 0 they are as this program needs them, 1 a failure, 2 wrong arguments.\n"
+                     "Example: atirma store migrate postgresql://atirma@db.example/atirma");
+    auto* imports = store->add_subcommand("import", "copy a file into a database; what is there already stays");
+    imports->add_option("file", file, "a node's --file; its node is stopped, or goes on and it is imported again")
+        ->required();
+    imports->add_option("store", url, url_help)->required();
+    imports->add_option("--boat", stored_boat, "name of the boat in the database")->capture_default_str();
+    imports->footer("Exit codes: 0 done, 1 a failure, 2 wrong arguments.\n"
+                    "Example: atirma store import /var/lib/atirma/node.db postgresql://atirma@db.example/atirma");
+    auto* exports = store->add_subcommand("export", "copy a boat of a database into a file, which a node can use");
+    exports->add_option("store", url, url_help)->required();
+    exports->add_option("file", file, "the file; it is made if it is not there")->required();
+    exports->add_option("--boat", stored_boat, "name of the boat in the database")->capture_default_str();
+    exports->footer("Exit codes: 0 done, 1 a failure, 2 wrong arguments.\n"
+                    "Example: atirma store export postgresql://atirma@db.example/atirma boat-2.db --boat boat-2");
+    std::string kept_boat;
+    std::optional<int> kept_kind;
+    std::optional<std::uint32_t> kept_days;
+    auto* retains = store->add_subcommand("retain", "how long a database keeps packets; prints all rules");
+    retains->add_option("store", url, url_help)->required();
+    retains->add_option("--boat", kept_boat, "of this boat (default: of all)");
+    retains->add_option("--kind", kept_kind, "of this kind, its number on air (default: of all)")
+        ->check(CLI::Range(0, 255));
+    retains->add_option("--days", kept_days, "since measurement and reception (default: rules are only printed)")
+        ->check(CLI::Range(1, 100'000));
+    bool kept_forever = false;
+    retains->add_flag("--remove", kept_forever, "remove that rule")->excludes("--days");
+    retains->footer(
+        "The most particular rule counts: boat and kind, then boat, then kind, then all. Nodes remove older "
+        "packets once an hour.\n"
+        "Exit codes: 0 done, 1 a failure, 2 wrong arguments.\n"
+        "Example: atirma store retain postgresql://atirma@db.example/atirma --boat boat-2 --days 400");
 
     auto* keys = app.add_subcommand("keys", "the radio's key, which seals what boat and shore send");
     keys->require_subcommand(1);
@@ -295,6 +340,12 @@ int obey(int count, char** words) {
     observer.length = std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(length_s));
     try {
         if (checks->parsed()) return check_store(file);
+        if (migrates->parsed()) return tell(atirma::migrate_database(url));
+        if (imports->parsed()) return tell(atirma::import_store(file, url, stored_boat));
+        if (exports->parsed()) return tell(atirma::export_store(url, stored_boat, file));
+        if (retains->parsed())
+            return tell(kept_days || kept_forever ? atirma::set_retention(url, kept_boat, kept_kind, kept_days)
+                                                  : atirma::retention(url));
         if (replays->parsed()) return atirma::replay(replaying, wanted, say) ? 0 : 1;
         if (decodes->parsed()) return decode_input();
         if (new_key->parsed()) return atirma::new_radio_key(file, boat);

@@ -89,9 +89,10 @@ bool command_router::know(ise::time_point now, utc_time wall, const command_reco
     return true;
 }
 
-void command_router::take_over(ise::time_point now, utc_time wall, const std::string& me) {
+void command_router::take_over(ise::time_point now, utc_time wall, const std::string& me, const std::string& from) {
     for (auto id : std::vector(table_.open())) {
         auto& e = table_.at(id);
+        if (!from.empty() && e.record.node != from) continue;
         if (e.mine || !e.record.called_back.empty() || e.expires <= now) continue;
         e.mine = true;
         e.record.node = me;

@@ -34,8 +34,9 @@ public:
     /// One that is on disk: prepared here, read at the start, or told by the other node. It is driven where
     /// `record.node` is `me`. True if it changed what was known.
     bool know(ise::time_point now, utc_time wall, const command_record& record, const std::string& me);
-    /// The open ones of another node become ours; those that changed are told by `take_changes`.
-    void take_over(ise::time_point now, utc_time wall, const std::string& me);
+    /// The open ones of another node, or of any other if `from` is empty, become ours; `take_changes` has those that
+    /// changed.
+    void take_over(ise::time_point now, utc_time wall, const std::string& me, const std::string& from = {});
 
     struct give {
         std::uint32_t id = 0;

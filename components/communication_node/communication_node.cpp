@@ -2,6 +2,7 @@
 
 #include <components/communication_node/replication.hpp>
 #include <components/communication_node/store_repair.hpp>
+#include <components/postgres/postgres.hpp>
 
 #include <fmt/format.h>
 
@@ -18,6 +19,14 @@ void check_options(const std::string& path, const communication_node_options& op
     auto refuse = [](const std::string& why) { throw ise::error(ise::errc::invalid_argument, why); };
     if (options.silence < 1s)
         refuse("a communication node gives the other one up after 1 s of silence at the earliest");
+    if (!options.store.empty()) {
+        if (!is_postgres_url(options.store))
+            refuse("a store is named by postgresql://user@host/database; a file by its own option");
+        if (auto good = check_postgres_url(options.store); !good) refuse(good.error().message());
+        if (!options.peer.empty() || options.secondary)
+            refuse("nodes that share a store on PostgreSQL have no peer and none is secondary: start as many as you "
+                   "like with the same store");
+    }
     if (!options.peer.empty() && options.peer == path)
         refuse(fmt::format("'{}' cannot back itself: name the other node as its peer", path));
     for (const auto& proxy : options.proxies)
@@ -33,6 +42,7 @@ struct communication_node::parts {
     void offer_services();
     void restore(const std::string& file);
     void tick();
+    node_store::news news();
     void report(communication_state& into) const;
 
     node_context& here;
@@ -77,6 +87,25 @@ store_keeper::actions communication_node::parts::store_actions() {
     return made;
 }
 
+node_store::news communication_node::parts::news() {
+    node_store::news made;
+    made.packets = [this] { telemetry.show(); };
+    made.commands = [this](const std::vector<command_record>& records) {
+        telecommands.know(records);
+        telecommands.work();
+    };
+    made.authority = [this](const node_store::change_of_authority& state) {
+        if (authority.book().is_newer(state.first, state.second)) authority.set(state.first, state.second);
+    };
+    made.node_lost = [this](const std::string& node) {
+        telecommands.take_over(node);
+        telecommands.work();
+    };
+    made.went_back = [this] { telemetry.went_back(); };
+    made.lost = [this](const ise::failure& why) { store.failed(why); };
+    return made;
+}
+
 boat_links::actions communication_node::parts::link_actions() {
     boat_links::actions made;
     made.received = [this](std::vector<telemetry_packet> packets) { telemetry.receive(std::move(packets)); };
@@ -111,7 +140,7 @@ void communication_node::parts::offer_services() {
 
 void communication_node::parts::tick() {
     links.look();
-    if (peer.silent()) telecommands.take_over();
+    if (here.options.store.empty() && peer.silent()) telecommands.take_over();
     peer.watch_silence();
     store.tend();
     telemetry.take_held();
@@ -141,10 +170,11 @@ ise::task<> communication_node::run() {
     auto opened = co_await open_store(here_);
     parts_ = std::make_unique<parts>(here_, *opened);
     auto& all = *parts_;
-    log().info("its store is open", {{"file", options_.file},
+    log().info("its store is open", {{options_.store.empty() ? "file" : "database", all.store->name()},
                                      {"packets", std::to_string(all.store->head())},
                                      {"telecommands open", std::to_string(all.telecommands.open_count())}});
     all.offer_services();
+    all.store->follow(all.news());
     auto state = publish(services::communication);
     for (const auto& file : opened->aside) all.restore(file);
     opened.reset();

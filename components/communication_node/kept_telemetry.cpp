@@ -26,62 +26,105 @@ kept_telemetry::kept_telemetry(node_context& here, store_keeper& store, other_no
     if (opened.known.last_location) note_fix(*opened.known.last_location);
 }
 
-ise::result<node_store::kept> kept_telemetry::take(std::vector<telemetry_packet> packets) {
+void kept_telemetry::take(std::vector<telemetry_packet> packets, node_store::then<node_store::kept> done) {
     for (auto& packet : packets) {
         packet.store = packet.position = packet.peer_store = packet.peer_position = 0;
         links_.heard(packet);
         mark_history(packet);
     }
-    auto kept = store_.written(store_->add(packets));
-    if (!kept) return kept;
-    duplicates_ += packets.size() - kept->fresh;
-    if (kept->fresh > 0) {
-        peer_.notify_news();
-        show();
-    }
-    kept_();
-    return kept;
+    auto count = packets.size();
+    node_store::then<node_store::kept> noted = [this, count,
+                                                done = std::move(done)](ise::result<node_store::kept> kept) mutable {
+        if (kept) {
+            duplicates_ += count - kept->fresh;
+            if (kept->fresh > 0) {
+                peer_.notify_news();
+                show();
+            }
+            kept_();
+        }
+        done(std::move(kept));
+    };
+    store_->add(std::move(packets), store_.written(std::move(noted)));
 }
 
 void kept_telemetry::receive(std::vector<telemetry_packet> packets) {
     refused_ += std::erase_if(packets, [](const auto& packet) { return !can_be_kept(packet); });
-    if (packets.empty()) return;
-    if (held_.empty() && store_.well() && take(packets)) return;
     for (auto& packet : packets) held_.push_back(std::move(packet));
-    for (; held_.size() > here_.options.max_held; held_.pop_front()) ++dropped_;
+    if (store_.well() && !held_.empty()) take_next();
+    for (; held() > here_.options.max_held && !held_.empty(); held_.pop_front()) ++dropped_;
 }
 
 void kept_telemetry::take_held() {
     if (held_.empty() && store_.well()) return;
-    do {
+    take_next();
+}
+
+/// One batch at a time, until nothing is held or the store fails; an empty one if there is none, which finds out
+/// whether the store is there again. A store that calls back at once does not nest.
+void kept_telemetry::take_next() {
+    if (take_loop_) return;
+    take_loop_ = true;
+    bool failed = false;
+    for (bool first = true; !taking_ && !failed && (first || !held_.empty()); first = false) {
+        taking_ = true;
         auto some = static_cast<std::ptrdiff_t>(std::min(held_.size(), disk_batch));
-        if (!take(std::vector<telemetry_packet>(held_.begin(), held_.begin() + some))) return;
+        under_way_.assign(std::make_move_iterator(held_.begin()), std::make_move_iterator(held_.begin() + some));
         held_.erase(held_.begin(), held_.begin() + some);
-    } while (!held_.empty());
+        take(under_way_, [this, &failed](ise::result<node_store::kept> kept) {
+            taking_ = false;
+            if (!kept)
+                held_.insert(held_.begin(), std::make_move_iterator(under_way_.begin()),
+                             std::make_move_iterator(under_way_.end()));
+            under_way_.clear();
+            if (take_loop_) failed = !kept;
+            else if (kept && !held_.empty()) take_next();
+        });
+    }
+    take_loop_ = false;
 }
 
 // What is restored into a new store was published before: followers find by its positions what they do not know, and
 // request it.
 void kept_telemetry::show() {
-    auto limit = peer_.shown(store_->head());
-    if (store_.refilling) shown_ = limit;
-    while (shown_ < limit) {
-        auto packets = store_->packets(shown_, limit, disk_batch);
-        if (!packets) {
-            store_.failed(packets.error());
-            break;
-        }
-        shown_ = packets->empty() ? limit : packets->back().position;
-        for (const auto& packet : *packets) {
-            telemetry_(packet);
-            note_fix(packet);
-        }
+    if (show_loop_) return;
+    show_loop_ = true;
+    bool failed = false;
+    while (!showing_ && !failed) {
+        auto limit = peer_.shown(store_->head());
+        if (store_.refilling) shown_ = limit;
+        if (shown_ >= limit) break;
+        showing_ = true;
+        store_->packets(shown_, limit, disk_batch,
+                        [this, limit, &failed](ise::result<std::vector<telemetry_packet>> packets) {
+                            showing_ = false;
+                            if (packets) show_page(*packets, limit);
+                            else store_.failed(packets.error());
+                            if (show_loop_) failed = !packets;
+                            else if (packets) show();
+                        });
     }
+    show_loop_ = false;
     peer_.notify_progress();
 }
 
+void kept_telemetry::show_page(const std::vector<telemetry_packet>& packets, std::uint64_t limit) {
+    shown_ = packets.empty() ? limit : packets.back().position;
+    for (const auto& packet : packets) {
+        telemetry_(packet);
+        note_fix(packet);
+        if (!packet.history && packet.raw.size() > 1) // another node may have kept it
+            newest_.know(std::to_integer<std::uint8_t>(packet.raw[1]), plausible_time(packet));
+    }
+}
+
+void kept_telemetry::went_back() {
+    shown_ = std::min(shown_, store_->head());
+    show();
+}
+
 bool kept_telemetry::restore(const std::vector<telemetry_packet>& packets) {
-    auto kept = store_.written(store_->add(packets));
+    auto kept = store_.written(store_.file().add(packets));
     if (!kept) return false;
     peer_.notify_news();
     show();
@@ -110,7 +153,9 @@ ise::task<keep_reply> kept_telemetry::keep(keep_request request) {
                         packet.sequence, packet.boot, packet.raw.size(), max_raw));
     }
     auto store = store_->number();
-    auto kept = take(std::move(request.packets));
+    store_answer<node_store::kept> answer(here_.self.on());
+    take(std::move(request.packets), answer.here());
+    auto kept = co_await answer.get();
     if (!kept)
         throw telemetry_refused(
             fmt::format("{} cannot keep telemetry: {}; do not acknowledge it to the boat, and ask again later",
@@ -127,22 +172,24 @@ ise::task<keep_reply> kept_telemetry::keep(keep_request request) {
     co_return made;
 }
 
-track_page kept_telemetry::track(const track_request& request) {
+ise::task<track_page> kept_telemetry::track(track_request request) {
     if (request.max_packets < 1 || request.max_packets > 1000)
         throw telemetry_refused(fmt::format("max_packets is 1 to 1000, not {}", request.max_packets));
     if (request.seen.size() > 8)
         throw telemetry_refused(
             fmt::format("`seen` names {} stores; a boat has two: begin anew, without it", request.seen.size()));
-    auto page = store_.read(store_->track(request, shown_));
+    store_answer<track_page> answer(here_.self.on());
+    store_->track(request, shown_, store_.read(answer.here()));
+    auto page = co_await answer.get();
     if (!page) throw telemetry_refused(page.error().message());
-    return std::move(*page);
+    co_return std::move(*page);
 }
 
 void kept_telemetry::report(communication_state& into) const {
     into.shown = shown_;
     into.duplicates = duplicates_;
     into.refused = refused_;
-    into.held = held_.size();
+    into.held = held();
     into.dropped = dropped_;
     into.fix = fix_;
 }

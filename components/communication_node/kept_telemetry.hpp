@@ -29,17 +29,21 @@ public:
     void mark_history(telemetry_packet& packet) { packet.history = newest_.is_history(packet); }
     /// To disk, all of them or none, without counting them as heard: false while the disk fails.
     bool restore(const std::vector<telemetry_packet>& packets);
+    /// The store has another life, in which packets that were published may be missing.
+    void went_back();
     void begin_anew() noexcept { shown_ = 0; } ///< the store is a new one
 
-    std::size_t held() const noexcept { return held_.size(); }
+    std::size_t held() const noexcept { return held_.size() + under_way_.size(); }
     void report(communication_state& into) const;
 
     // Services.
     ise::task<keep_reply> keep(keep_request request);
-    track_page track(const track_request& request);
+    ise::task<track_page> track(track_request request);
 
 private:
-    ise::result<node_store::kept> take(std::vector<telemetry_packet> packets);
+    void take(std::vector<telemetry_packet> packets, node_store::then<node_store::kept> done);
+    void take_next();
+    void show_page(const std::vector<telemetry_packet>& packets, std::uint64_t limit);
     void note_fix(const telemetry_packet& packet);
 
     node_context& here_;
@@ -50,6 +54,9 @@ private:
     ise::publication<ise::subscription<telemetry_packet>> telemetry_;
     newest_by_kind newest_;
     std::deque<telemetry_packet> held_;
+    std::vector<telemetry_packet> under_way_; // to the store
+    bool taking_ = false, showing_ = false;   // the store was asked, and has not called back
+    bool take_loop_ = false, show_loop_ = false;
     std::uint64_t shown_;
     std::uint64_t duplicates_ = 0, refused_ = 0, dropped_ = 0;
     std::optional<current_fix> fix_;

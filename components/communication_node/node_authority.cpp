@@ -18,33 +18,43 @@ void node_authority::set(const authority_state& state, std::uint64_t change) {
 
 void node_authority::restore(const authority_state& state, std::uint64_t change) {
     if (!book_.is_newer(state, change)) return;
-    (void)store_.written(store_->put(state, change)); // it is in memory, and the store's trouble is reported
+    (void)store_.written(store_.file().put(state, change)); // it is in memory, and the store's trouble is reported
     set(state, change);
 }
 
 void node_authority::begin_anew() {
-    if (now().epoch != 0) (void)store_.written(store_->put(now(), book_.change()));
+    if (now().epoch != 0) (void)store_.written(store_.file().put(now(), book_.change()));
 }
 
 ise::task<authority_state> node_authority::change(authority_request request, std::string who) {
-    auto made = book_.decide(request, who, here_.clock());
-    if (!made) throw ise::error(made.error());
-    bool hands = made->epoch != now().epoch;
-    if (hands || made->asked_by != now().asked_by) {
-        auto change = hands ? std::uint64_t{0} : book_.change() + 1;
-        auto put = store_.written(store_->put(*made, change));
+    for (;;) {
+        auto made = book_.decide(request, who, here_.clock());
+        if (!made) throw ise::error(made.error());
+        bool hands = made->epoch != now().epoch;
+        if (!hands && made->asked_by == now().asked_by) break;
+        node_store::change_of_authority next(*made, hands ? std::uint64_t{0} : book_.change() + 1);
+        std::pair before(now().epoch, book_.change());
+        store_answer<std::optional<node_store::change_of_authority>> answer(here_.self.on());
+        store_->put(next, before, store_.written(answer.here()));
+        auto put = co_await answer.get();
         if (!put)
             throw ise::error(ise::errc::refused,
                              fmt::format("the authority stays as it is, as the change cannot be put to disk: {}",
                                          put.error().message()));
-        set(*made, change);
+        if (*put) { // another node was first: decided anew
+            set((*put)->first, (*put)->second);
+            continue;
+        }
+        set(next.first, next.second);
         peer_.notify_news();
         here_.self.log().info("authority over the boat", {{"how", hands ? made->how : who + " asks for it"},
                                                           {"epoch", std::to_string(made->epoch)}});
         if (hands) changed_hands_();
+        break;
     }
+    auto epoch = now().epoch;
     auto change = book_.change();
-    while (peer_.lives() && !peer_.has_authority(made->epoch, change)) co_await peer_.wait_for_progress();
+    while (peer_.lives() && !peer_.has_authority(epoch, change)) co_await peer_.wait_for_progress();
     co_return now();
 }
 

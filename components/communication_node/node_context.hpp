@@ -16,6 +16,11 @@ struct node_context {
 
     ise::time_point now() const { return self.now(); }
     utc_time clock() const { return std::chrono::floor<std::chrono::milliseconds>(self.wall()); }
+    /// Its name in a database of many boats: the first part of the role, or of the path ("boat-2").
+    std::string boat() const {
+        const auto& name = options.role.empty() ? self.path() : options.role;
+        return name.substr(0, name.find('/'));
+    }
     bool has_peer() const noexcept { return !options.peer.empty(); }
 };
 

@@ -1,44 +1,39 @@
 #pragma once
-#include <components/communication_node/packet_table.hpp>
-#include <components/communication_node/record_table.hpp>
-#include <components/communication_node/store_lives.hpp>
+#include <components/communication_node/services.hpp>
 
-#include <chrono>
+#include <ise/core/result.hpp>
+#include <ise/core/unique_function.hpp>
+#include <ise/core/waiter.hpp>
+
+#include <asio/error.hpp>
+
+#include <functional>
 #include <memory>
-#include <span>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
 
 namespace atirma {
 
-/// What a communication node must not lose, in one SQLite file: packets, telecommands, who has the authority, and how
-/// far the other node's store is known. A packet is its boot, sequence, time and content. Packets are numbered 1, 2, 3…
-/// in the order in which they came to this disk, and know their number at the other node. What a call returned success
-/// for is on the disk. Used by one component, on its loop. Errors of everything: io_failed with what the disk says;
-/// malformed where the file is damaged (a row that differs from its checksum, or a file that SQLite cannot read).
-/// Nothing of that call is kept then.
+/// Durable storage of a communication node: packets, telecommands, and the holder of the authority. A file
+/// (`sqlite_store`) belongs to one node, and calls back before a call returns. A database (`postgres_store`) is shared
+/// by all nodes of the boat, and calls back later, in a turn of the loop.
 ///
-/// Each opening is a life of the store with a number of its own. The file knows how far each life came, and so a
-/// position of a life that it does not know, or beyond that life's end, tells that the file went back in time.
+/// Data that a call reported as written survive a crash and a loss of power. Packets are numbered 1, 2, 3… in the order
+/// in which they were kept. Used by one component, on its loop. Errors of all calls: io_failed, with the storage and
+/// its message; malformed where a file is damaged. After the destructor nothing is called back.
 class node_store {
 public:
-    /// `fresh_number` becomes the number of this life, made odd (never 0), and of a file that is new its origin.
-    static ise::result<node_store> open(const std::string& file, std::uint64_t fresh_number);
+    template <class T>
+    using then = ise::unique_function<void(ise::result<T>)>;
 
-    std::uint64_t number() const noexcept { return own_.now.store; } ///< of this life
-    std::uint64_t origin() const noexcept { return origin_; }        ///< of the file, over all lives
-    const std::string& file() const noexcept { return db_->file(); }
+    virtual ~node_store() = default;
 
-    /// What of that is certainly still here, by the number of this life: nothing of a life that this file does not
-    /// know, and of a life that went on elsewhere only what came before the file was set back.
-    store_part shared(const store_part& known) const;
-    /// The same by the one of several lives by which most is certain.
-    store_part shared(std::span<const store_part> known) const;
-
-    /// Closes the file and sets it aside (storage): its new name. Every call but `begin_anew` fails from then on.
-    ise::result<std::string> set_aside(const ise::failure& cause, std::chrono::system_clock::time_point now,
-                                       const ise::logger& log);
-    /// A new file in its place, empty.
-    ise::result<void> begin_anew(std::uint64_t fresh_number);
-    bool is_open() const noexcept { return db_->is_open(); }
+    virtual std::uint64_t number() const noexcept = 0;        ///< of this life of the store
+    virtual std::uint64_t head() const noexcept = 0;          ///< position of the newest packet
+    virtual std::uint64_t commands_head() const noexcept = 0; ///< position of the last change of a telecommand
+    virtual std::string name() const = 0;                     ///< the file, or the database, for people
 
     /// What a node continues with.
     struct memory {
@@ -47,59 +42,79 @@ public:
         std::pair<authority_state, std::uint64_t> authority;   ///< and its number within the epoch
         std::vector<command_record> open_commands;
     };
-    ise::result<memory> remembered();
 
     // Packets
     struct kept {
         std::uint64_t last = 0; ///< the highest position among them, also of those that were known
         std::uint32_t fresh = 0;
     };
-    ise::result<kept> add(std::span<const telemetry_packet> packets);
-    std::uint64_t head() const noexcept { return own_.now.packets; } ///< position of the newest
-    ise::result<std::vector<telemetry_packet>> packets(std::uint64_t after, std::uint64_t up_to, std::size_t most);
+    virtual void add(std::vector<telemetry_packet> packets, then<kept> done) = 0;
+    virtual void packets(std::uint64_t after, std::uint64_t up_to, std::size_t most,
+                         then<std::vector<telemetry_packet>> done) = 0;
     /// A page for somebody who knows what `request.seen` says; nothing beyond `up_to`.
-    ise::result<track_page> track(const track_request& request, std::uint64_t up_to);
+    virtual void track(const track_request& request, std::uint64_t up_to, then<track_page> done) = 0;
+
     // Telecommands
-    ise::result<void> put(std::span<const command_record> records);
-    std::uint64_t commands_head() const noexcept { return own_.now.commands; } ///< position of the last change
-    ise::result<std::optional<command_record>> command(std::uint32_t id);
-    ise::result<record_page> list(const record_request& request);
+    struct begun {
+        std::optional<command_record> known; ///< its id is on record already; nothing was changed
+        /// Another node changed the authority meanwhile; nothing was changed here.
+        std::optional<std::pair<authority_state, std::uint64_t>> authority;
+    };
+    /// Records a new telecommand that was permitted under that epoch of the authority.
+    virtual void begin(const command_record& record, std::uint32_t epoch, then<begun> done) = 0;
+    virtual void put(std::vector<command_record> records, then<void> done) = 0;
+    virtual void command(std::uint32_t id, then<std::optional<command_record>> done) = 0;
+    virtual void list(const record_request& request, then<record_page> done) = 0;
 
     // Authority
-    ise::result<void> put(const authority_state& state, std::uint64_t change);
+    /// Replaces the state that has the epoch of `before` and its number. Gives the present one if that is another.
+    using change_of_authority = std::pair<authority_state, std::uint64_t>;
+    virtual void put(const change_of_authority& state, const std::pair<std::uint32_t, std::uint64_t>& before,
+                     then<std::optional<change_of_authority>> done) = 0;
 
-    // The other node
-    const store_part& peer() const noexcept { return peer_.now; } ///< known of it
-    /// The same by the numbers of its last lives, the newest first: what to ask it with.
-    std::vector<store_part> known_of_peer() const;
-    /// What the other node, whose store is `asker`, is told that has everything up to those positions.
-    ise::result<replication_page> page_after(std::uint64_t asker, std::uint64_t packets, std::uint64_t commands,
-                                             std::size_t most);
-    /// What the other node told, and which of its telecommands are news: all of it, or nothing. What is known of its
-    /// store beyond `page.after` is forgotten. Gives how many packets were fresh. Errors: also protocol_error (the page
-    /// does not follow what is known).
-    ise::result<std::uint32_t> apply(const replication_page& page, std::span<const command_record> news,
-                                     bool authority_is_news);
+    /// Removes what is too old, a few thousand rows at a time; how many it were.
+    virtual void tend(std::uint64_t keep_packets, std::uint64_t keep_commands, then<std::int64_t> done) = 0;
 
-    /// Removes all but the newest packets and decided telecommands, a few thousand at a time; how many it were.
-    ise::result<std::int64_t> prune(std::uint64_t keep_packets, std::uint64_t keep_commands);
-    /// Gives packets that an older program wrote their checksums, a few thousand at a time; how many it were.
-    ise::result<std::int64_t> seal();
+    /// What other nodes do to a database that they share.
+    struct news {
+        std::function<void()> packets;
+        std::function<void(const std::vector<command_record>&)> commands;
+        std::function<void(const change_of_authority&)> authority;
+        std::function<void(const std::string& node)> node_lost; ///< a node was silent for `silence`
+        std::function<void()> went_back;                        ///< it has another life: packets may be lost
+        std::function<void(const ise::failure&)> lost;          ///< the database cannot be reached
+    };
+    virtual void follow(news) {}
+};
+
+/// A coroutine's wait for what a store calls back.
+template <class T>
+class store_answer {
+public:
+    explicit store_answer(ise::loop& on) : state_(std::make_shared<state>(on)) {}
+
+    node_store::then<T> here() {
+        return [to = std::weak_ptr(state_)](ise::result<T> came) {
+            auto waiting = to.lock();
+            if (!waiting) return; // the coroutine was cancelled
+            waiting->came.emplace(std::move(came));
+            waiting->wake.resume({});
+        };
+    }
+    /// Cancellation: terminal; the store carries out what it was asked for.
+    ise::task<ise::result<T>> get() {
+        auto mine = state_;
+        if (!mine->came) co_await mine->wake.wait();
+        co_return std::move(*mine->came);
+    }
 
 private:
-    explicit node_store(database opened);
-    void load();
-    ise::result<void> begin_life(std::uint64_t fresh_number);
-    void forget_peer_after(std::uint64_t packets, std::uint64_t commands);
-    std::uint64_t known_here(const track_cursor& seen) const;
-    std::uint64_t known_at_peer(const track_cursor& seen) const;
-    std::vector<telemetry_packet> numbered(std::vector<telemetry_packet> packets) const;
-
-    std::unique_ptr<database> db_; // its tables point to it
-    packet_table packets_;
-    record_table records_;
-    std::uint64_t origin_ = 0;
-    store_lives own_, peer_;
+    struct state {
+        explicit state(ise::loop& on) : wake(on, [this] { wake.resume(asio::error::operation_aborted); }) {}
+        std::optional<ise::result<T>> came;
+        ise::waiter<std::error_code> wake;
+    };
+    std::shared_ptr<state> state_;
 };
 
 } // namespace atirma

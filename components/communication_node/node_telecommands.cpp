@@ -50,19 +50,28 @@ void node_telecommands::work() {
 void node_telecommands::record_changes() {
     auto changes = router_.take_changes();
     for (const auto& record : changes) unsaved_[record.status.id] = record; // the last state of each
-    if (!unsaved_.empty()) {
-        std::vector<command_record> records;
-        for (const auto& [id, record] : unsaved_) records.push_back(record);
-        auto put = store_.written(store_->put(records));
-        if (put) unsaved_.clear();
-        peer_.notify_news();
-    }
+    save();
     for (const auto& record : changes) {
         audience_.tell(record.status);
         if (is_final(record.status.state)) traces_.erase(record.status.id);
     }
     for (const auto& result : router_.take_boat_epochs())
         authority_.book().boat_obeys(result.obeyed, result.sent_under);
+}
+
+/// The changes to the store, one batch at a time.
+void node_telecommands::save() {
+    if (unsaved_.empty() || !saving_.empty()) return;
+    saving_ = std::exchange(unsaved_, {});
+    std::vector<command_record> records;
+    for (const auto& [id, record] : saving_) records.push_back(record);
+    node_store::then<void> done = [this](ise::result<void> put) {
+        auto tried = std::exchange(saving_, {});
+        if (!put) unsaved_.merge(tried); // what changed again meanwhile stays as it is now
+        peer_.notify_news();
+        if (put) save();
+    };
+    store_->put(std::move(records), store_.written(std::move(done)));
 }
 
 void node_telecommands::begin_anew() {
@@ -78,17 +87,25 @@ void node_telecommands::on_status(link_id link, const telecommand_status& status
 }
 
 /// In memory, or on record.
-ise::result<std::optional<command_record>> node_telecommands::known(std::uint32_t id) {
-    if (const auto* here = router_.find(id)) return std::optional(*here);
-    return store_.read(store_->command(id));
+ise::task<ise::result<std::optional<command_record>>> node_telecommands::recorded(std::uint32_t id) {
+    if (const auto* here = router_.find(id)) co_return std::optional(*here);
+    store_answer<std::optional<command_record>> answer(here_.self.on());
+    store_->command(id, store_.read(answer.here()));
+    auto got = co_await answer.get();
+    co_return got;
 }
 
 ise::result<std::vector<command_record>> node_telecommands::news_among(const std::vector<command_record>& records) {
     std::vector<command_record> news;
     for (const auto& record : records) {
-        auto here = known(record.status.id);
-        if (!here) return here.error();
-        if (!*here || knows_more(record, **here)) news.push_back(record);
+        const auto* here = router_.find(record.status.id);
+        if (here) {
+            if (knows_more(record, *here)) news.push_back(record);
+            continue;
+        }
+        auto there = store_.read(store_.file().command(record.status.id));
+        if (!there) return there.error();
+        if (!*there || knows_more(record, **there)) news.push_back(record);
     }
     return news;
 }
@@ -104,7 +121,7 @@ void node_telecommands::know(const std::vector<command_record>& news) {
 bool node_telecommands::restore(const std::vector<command_record>& records) {
     auto news = news_among(records);
     if (!news) return false;
-    auto put = store_.written(store_->put(*news));
+    auto put = store_.written(store_.file().put(*news));
     if (!put) return false;
     know(*news);
     peer_.notify_news();
@@ -126,26 +143,38 @@ void node_telecommands::check(const telecommand_request& request, const std::str
             fmt::format("this node has no proxy for {}; it has {}", name_of(*request.via), links_.names()));
 }
 
-/// From here on it is on record, and under way.
-ise::result<command_record> node_telecommands::begin(const telecommand_request& request, const std::string& who,
-                                                     const std::string& verified) {
+ise::task<ise::result<command_record>> node_telecommands::begin(telecommand_request request, std::string who,
+                                                                std::string verified) {
     auto chosen = static_cast<std::uint32_t>(here_.self.env().random()) | 1u; // never 0
-    auto over = links_.table().best(here_.now(), {}).value_or(link_id::xbee);
-    auto record = router_.prepare(here_.now(), here_.clock(), request, chosen, who, authority_.now().boat_epoch,
-                                  here_.self.path(), over);
-    if (!record) return record;
-    record->status.asked_as = verified;
-    auto put = store_.written(store_->put(std::span(&*record, 1)));
-    if (!put)
-        return ise::failure(
-            put.error().code(),
-            fmt::format("the telecommand cannot be recorded, and so it is not sent: {}", put.error().message()));
-    router_.know(here_.now(), here_.clock(), *record, here_.self.path());
-    if (auto trace = ise::current_trace()) traces_[record->status.id] = trace;
-    audience_.tell(record->status);
-    peer_.notify_news();
-    work();
-    return record;
+    const auto trace = ise::current_trace();
+    for (;;) {
+        auto over = links_.table().best(here_.now(), {}).value_or(link_id::xbee);
+        auto record = router_.prepare(here_.now(), here_.clock(), request, chosen, who, authority_.now().boat_epoch,
+                                      here_.self.path(), over);
+        if (!record) co_return record;
+        record->status.asked_as = verified;
+        store_answer<node_store::begun> answer(here_.self.on());
+        store_->begin(*record, authority_.now().epoch, store_.written(answer.here()));
+        auto begun = co_await answer.get();
+        if (!begun)
+            co_return ise::failure(
+                begun.error().code(),
+                fmt::format("the telecommand cannot be recorded, and so it is not sent: {}", begun.error().message()));
+        if (begun->authority) { // another node changed it: whether this operator may command is decided anew
+            authority_.set(begun->authority->first, begun->authority->second);
+            check(request, who);
+            continue;
+        }
+        auto& kept = begun->known ? *begun->known : *record;
+        router_.know(here_.now(), here_.clock(), kept, here_.self.path());
+        if (trace) traces_[kept.status.id] = trace;
+        if (!begun->known) {
+            audience_.tell(kept.status);
+            peer_.notify_news();
+        }
+        work();
+        co_return kept;
+    }
 }
 
 ise::task<telecommand_reply> node_telecommands::command(telecommand_request request, std::string who,
@@ -176,39 +205,43 @@ ise::task<telecommand_reply> node_telecommands::accept(telecommand_request reque
                                                        std::string verified, ise::time_point deadline) {
     std::optional<command_record> record;
     if (request.id != 0) {
-        auto found = known(request.id);
+        auto found = co_await recorded(request.id);
         if (!found) throw command_refused(found.error().message());
         record = std::move(*found);
     }
-    if (record && record->status.command != request.command)
-        throw command_refused(fmt::format("telecommand {} is {} already, asked for by {}; choose another id",
-                                          request.id, name_of(record->status.kind), record->status.asked_by));
     if (!record) {
         check(request, who);
-        auto begun = begin(request, who, verified);
+        auto begun = co_await begin(request, who, verified);
         if (!begun) throw command_refused(begun.error().message());
         record = std::move(*begun);
     }
+    if (record->status.command != request.command)
+        throw command_refused(fmt::format("telecommand {} is {} already, asked for by {}; choose another id",
+                                          request.id, name_of(record->status.kind), record->status.asked_by));
     const auto* here = router_.find(record->status.id);
     auto reply = audience_.reply(here ? here->status : record->status, deadline);
     co_return co_await std::move(reply);
 }
 
-void node_telecommands::announce_epoch() {
+void node_telecommands::announce_epoch() { here_.self.spawn("announces the epoch", announce()); }
+
+ise::task<> node_telecommands::announce() {
     telecommand_request ping;
     ping.valid_s = 3600;
-    auto begun = begin(ping, here_.self.path(), {});
+    auto begun = co_await begin(ping, here_.self.path(), std::string());
     // If too many are open, the next one carries the epoch.
     if (!begun && begun.error().code() != ise::errc::overloaded)
         here_.self.log().warning("the boat is not told of the new epoch now", {{"cause", begun.error().message()}});
 }
 
-record_page node_telecommands::record(const record_request& request) {
+ise::task<record_page> node_telecommands::record(record_request request) {
     if (request.max_entries < 1 || request.max_entries > 500)
         throw command_refused(fmt::format("max_entries is 1 to 500, not {}", request.max_entries));
-    auto page = store_.read(store_->list(request));
+    store_answer<record_page> answer(here_.self.on());
+    store_->list(request, store_.read(answer.here()));
+    auto page = co_await answer.get();
     if (!page) throw command_refused(page.error().message());
-    return std::move(*page);
+    co_return std::move(*page);
 }
 
 /// One telecommand at one link, until it is decided. The proxy goes on by itself; asking again with the same id is

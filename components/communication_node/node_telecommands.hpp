@@ -23,8 +23,10 @@ public:
     /// Gives what is due to the links, records and publishes what changed, and arms its timer for the next time.
     void work();
     void on_status(link_id link, const telecommand_status& status);
-    /// The other node is silent: its open telecommands become ours.
-    void take_over() { router_.take_over(here_.now(), here_.clock(), here_.self.path()); }
+    /// The other node, or `from` of several, is silent: its open telecommands become ours.
+    void take_over(const std::string& from = {}) {
+        router_.take_over(here_.now(), here_.clock(), here_.self.path(), from);
+    }
     /// A ping under the new epoch: from then on the boat refuses what is under way under the old one.
     void announce_epoch();
 
@@ -45,18 +47,20 @@ public:
     /// The same for raw ones, which `command` refuses.
     ise::task<telecommand_reply> raw_command(telecommand_request request, std::string who, std::string verified,
                                              ise::time_point deadline);
-    record_page record(const record_request& request);
+    ise::task<record_page> record(record_request request);
     /// Only by the operator who gave it, or who has the authority.
     ise::task<recall_reply> call_back(recall_request request, std::string who);
 
 private:
-    ise::result<std::optional<command_record>> known(std::uint32_t id);
+    ise::task<ise::result<std::optional<command_record>>> recorded(std::uint32_t id);
     ise::task<telecommand_reply> accept(telecommand_request request, std::string who, std::string verified,
                                         ise::time_point deadline);
     void check(const telecommand_request& request, const std::string& who);
-    ise::result<command_record> begin(const telecommand_request& request, const std::string& who,
-                                      const std::string& verified);
+    /// It is on record then, and under way; one that another node has recorded under its id is given back.
+    ise::task<ise::result<command_record>> begin(telecommand_request request, std::string who, std::string verified);
+    ise::task<> announce();
     void record_changes();
+    void save();
     ise::task<> drive(command_router::give what);
     ise::task<> recall(command_router::recall what);
 
@@ -70,6 +74,7 @@ private:
     ise::timer due_;
     std::map<std::uint32_t, ise::trace_id> traces_;   // of the calls that asked for the open ones
     std::map<std::uint32_t, command_record> unsaved_; // changes that the disk did not take
+    std::map<std::uint32_t, command_record> saving_;  // of these, under way to it
     bool working_ = false;
 };
 

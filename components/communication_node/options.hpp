@@ -19,6 +19,7 @@ struct proxy_of_link {
 
 struct communication_node_options {
     std::string file = "communication.db"; ///< of its store; "memory:NAME" on the virtual world
+    std::string store;                     ///< postgresql://… instead of the file; shared by all nodes of the boat
     bool secondary = false;                ///< backs the primary: the lower priority under the role
     std::string peer;                      ///< path of the other node; empty: it stands alone
     std::vector<proxy_of_link> proxies;

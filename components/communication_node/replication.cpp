@@ -36,10 +36,10 @@ ise::task<> replication::follow() {
         replication_request request;
         request.node = here_.self.path();
         request.secondary = options.secondary;
-        request.origin = store_->origin();
+        request.origin = store_.file().origin();
         request.store = store_->number();
         request.keeps = store_.well();
-        request.yours = store_->known_of_peer();
+        request.yours = store_.file().known_of_peer();
         request.authority_epoch = authority_.now().epoch;
         request.authority_change = authority_.book().change();
         request.wait_s = std::chrono::duration<float>(options.silence / 3).count();
@@ -64,7 +64,7 @@ ise::task<> replication::follow() {
 
 ise::result<void> replication::take(replication_page page) {
     const auto& options = here_.options;
-    if (page.origin == store_->origin())
+    if (page.origin == store_.file().origin())
         return ise::failure(ise::errc::invalid_argument,
                             fmt::format("'{}' has the same store: give each node a file of its own", options.peer));
     if (page.secondary == options.secondary)
@@ -74,7 +74,7 @@ ise::result<void> replication::take(replication_page page) {
     auto news = telecommands_.news_among(page.commands);
     if (!news) return news.error();
     bool authority_is_news = authority_.book().is_newer(page.authority, page.authority_change);
-    auto known = store_->peer();
+    auto known = store_.file().peer();
     bool nothing = page.packets.empty() && news->empty() && !authority_is_news && page.store == known.store &&
                    page.commands_up_to <= known.commands;
     if (nothing && store_.well()) return {};
@@ -86,7 +86,7 @@ ise::result<void> replication::take(replication_page page) {
             {{"peer", options.peer},
              {"packets known of it", std::to_string(known.packets)},
              {"it has of these", std::to_string(page.after)}});
-    auto fresh = store_.written(store_->apply(page, *news, authority_is_news));
+    auto fresh = store_.written(store_.file().apply(page, *news, authority_is_news));
     if (!fresh) return fresh.error();
     telecommands_.know(*news);
     if (authority_is_news) authority_.set(page.authority, page.authority_change);
@@ -99,7 +99,7 @@ ise::result<void> replication::take(replication_page page) {
 ise::task<replication_page> replication::tell(replication_request request) {
     const auto& options = here_.options;
     const auto& me = here_.self.path();
-    if (request.origin == store_->origin())
+    if (request.origin == store_.file().origin())
         throw replication_refused(
             fmt::format("'{}' has the store of '{}': give each node a file of its own", request.node, me));
     if (request.secondary == options.secondary)
@@ -111,7 +111,7 @@ ise::task<replication_page> replication::tell(replication_request request) {
     if (request.yours.size() > replication_request::max_yours)
         throw replication_refused(fmt::format("{} lives of a store at once; {} are possible", request.yours.size(),
                                               replication_request::max_yours));
-    auto shared = store_->shared(request.yours);
+    auto shared = store_.file().shared(request.yours);
     bool of_this_life = !request.yours.empty() && request.yours.front().store == store_->number();
     if (!request.yours.empty()) went_back(request.yours.front(), shared);
     peer_.on_request(request, shared);
@@ -124,8 +124,9 @@ ise::task<replication_page> replication::tell(replication_request request) {
                !peer_.has_authority(authority_.now().epoch, authority_.book().change());
     };
     while (!has_news() && here_.now() < until) co_await peer_.wait_for_news(until);
-    shared = store_->shared(request.yours); // the store may be another one by now
-    auto page = store_.read(store_->page_after(request.store, shared.packets, shared.commands, replication_page_size));
+    shared = store_.file().shared(request.yours); // the store may be another one by now
+    auto page =
+        store_.read(store_.file().page_after(request.store, shared.packets, shared.commands, replication_page_size));
     if (!page) throw replication_refused(page.error().message());
     page->node = me;
     page->secondary = options.secondary;
@@ -145,7 +146,7 @@ void replication::went_back(const store_part& known_there, const store_part& sha
                     here_.options.peer, known_there.packets, known_there.commands, shared.packets, shared.commands);
     store_.note(text);
     here_.self.log().error("its store went back in time: was a backup restored?",
-                           {{"file", store_->file()}, {"found", text}});
+                           {{"file", store_->name()}, {"found", text}});
 }
 
 void replication::consider_serving() {

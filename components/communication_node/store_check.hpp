@@ -1,5 +1,5 @@
 #pragma once
-#include <components/communication_node/node_store.hpp>
+#include <components/communication_node/sqlite_store.hpp>
 
 namespace atirma {
 

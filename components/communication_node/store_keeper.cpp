@@ -1,5 +1,7 @@
 #include <components/communication_node/store_keeper.hpp>
 
+#include <components/communication_node/postgres_store.hpp>
+
 #include <fmt/format.h>
 
 namespace atirma {
@@ -13,19 +15,45 @@ std::string notice_of(const ise::failure& damage, const std::string& aside) {
     return fmt::format("its store was damaged and set aside as {}: {}", aside, damage.message());
 }
 
+ise::task<std::unique_ptr<opened_store>> open_database(const node_context& here) {
+    postgres_store_options options;
+    options.url = here.options.store;
+    options.boat = here.boat();
+    options.node = here.self.path();
+    options.silence = here.options.silence;
+    std::string said;
+    for (;;) {
+        auto store = std::make_unique<postgres_store>(here.self.on(), options);
+        auto known = co_await store->opened();
+        if (known) {
+            auto made = std::make_unique<opened_store>(std::move(store));
+            made->known = std::move(*known);
+            co_return made;
+        }
+        if (known.error().code() != ise::errc::io_failed) throw ise::error(known.error());
+        if (known.error().message() != said)
+            here.self.log().error("its store cannot be opened; it is tried again every second",
+                                  {{"cause", known.error().message()}});
+        said = known.error().message();
+        co_await here.self.sleep(open_again);
+    }
+}
+
 } // namespace
 
 ise::task<std::unique_ptr<opened_store>> open_store(const node_context& here) {
+    if (!here.options.store.empty()) co_return co_await open_database(here);
     const auto& log = here.self.log();
     std::vector<std::string> aside;
     std::string notice, said;
     for (;;) {
         ise::failure why(ise::errc::io_failed, "");
         std::unique_ptr<opened_store> made;
-        auto opened = node_store::open(here.options.file, here.self.env().random());
+        auto opened = sqlite_store::open(here.options.file, here.self.env().random());
         if (opened) {
-            made = std::make_unique<opened_store>(std::move(*opened));
-            auto known = made->store.remembered();
+            auto store = std::make_unique<sqlite_store>(std::move(*opened));
+            auto known = store->remembered();
+            made = std::make_unique<opened_store>(std::move(store));
             if (known) {
                 made->known = std::move(*known);
                 made->notice = notice;
@@ -57,7 +85,7 @@ ise::task<std::unique_ptr<opened_store>> open_store(const node_context& here) {
 
 store_keeper::store_keeper(node_context& here, opened_store& opened, actions then)
     : refilling(!opened.aside.empty()), here_(here), then_(std::move(then)), store_(std::move(opened.store)),
-      notice_(opened.notice), restoring_(opened.aside.size()) {}
+      file_(dynamic_cast<sqlite_store*>(store_.get())), notice_(opened.notice), restoring_(opened.aside.size()) {}
 
 void store_keeper::accepted() {
     if (well()) return;
@@ -78,11 +106,12 @@ void store_keeper::cannot_keep(const std::string& why) {
 }
 
 void store_keeper::replace(const ise::failure& why) {
-    auto aside = store_.set_aside(why, here_.self.wall(), here_.self.log());
+    if (!file_) return cannot_keep(why.message());
+    auto aside = file_->set_aside(why, here_.self.wall(), here_.self.log());
     if (!aside) {
         auto text = fmt::format("{}; {}", why.message(), aside.error().message());
         if (text != trouble_) here_.self.log().error("its store is damaged", {{"cause", text}});
-        auto again = store_.begin_anew(here_.self.env().random());
+        auto again = file_->begin_anew(here_.self.env().random());
         trouble_ = again ? text : again.error().message();
         then_.changed();
         return;
@@ -95,7 +124,7 @@ void store_keeper::replace(const ise::failure& why) {
 }
 
 void store_keeper::begin_anew() {
-    auto begun = store_.begin_anew(here_.self.env().random());
+    auto begun = file_->begin_anew(here_.self.env().random());
     if (!begun) return cannot_keep(begun.error().message());
     trouble_.clear();
     caught_up = !here_.has_peer();
@@ -103,13 +132,15 @@ void store_keeper::begin_anew() {
 }
 
 void store_keeper::tend() {
-    if (!store_.is_open()) begin_anew();
-    if (here_.now() < next_prune_ || !well()) return;
+    if (file_ && !file_->is_open()) begin_anew();
+    if (here_.now() < next_prune_ || !well() || pruning_) return;
     next_prune_ = here_.now() + 1h;
-    auto removed = written(store_.prune(here_.options.max_packets, here_.options.max_commands));
-    if (!removed) return;
-    auto sealed = written(store_.seal());
-    if (sealed && *removed + *sealed > 0) next_prune_ = here_.now() + 10s;
+    pruning_ = true;
+    node_store::then<std::int64_t> done = [this](ise::result<std::int64_t> removed) {
+        pruning_ = false;
+        if (removed && *removed > 0) next_prune_ = here_.now() + 10s;
+    };
+    store_->tend(here_.options.max_packets, here_.options.max_commands, written(std::move(done)));
 }
 
 void store_keeper::note(const std::string& what) { notice_ += (notice_.empty() ? "" : "; ") + what; }
@@ -123,8 +154,8 @@ void store_keeper::restored(const std::string& outcome) {
 void store_keeper::report(communication_state& into) const {
     into.trouble = trouble_.empty() && refilling ? notice_ : trouble_;
     into.store_notice = notice_;
-    into.store = store_.number();
-    into.packets = store_.head();
+    into.store = store_->number();
+    into.packets = store_->head();
 }
 
 } // namespace atirma

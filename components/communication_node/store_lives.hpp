@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <deque>
+#include <span>
 #include <vector>
 
 namespace atirma {
@@ -21,6 +22,40 @@ struct store_lives {
         if (number == now.store) return &now;
         auto at = std::ranges::find(over, number, &store_part::store);
         return at == over.end() ? nullptr : &*at;
+    }
+    /// What of that is certainly still here, by the number of this life: nothing of a life that is unknown, and of one
+    /// that went on elsewhere only what came before the store was set back.
+    store_part shared(const store_part& known) const {
+        store_part made;
+        made.store = now.store;
+        const auto* life = find(known.store);
+        if (!life) return made;
+        bool beyond = known.packets > life->packets || known.commands > life->commands;
+        if (life == &now && beyond) return made; // the store went back in time
+        made.packets = std::min(known.packets, life->packets);
+        made.commands = std::min(known.commands, life->commands);
+        return made;
+    }
+    /// The same by the one of several lives by which most is certain.
+    store_part shared(std::span<const store_part> known) const {
+        store_part best;
+        for (const auto& one : known) {
+            auto part = shared(one);
+            if (part.packets > best.packets || (part.packets == best.packets && part.commands > best.commands))
+                best = part;
+        }
+        return best;
+    }
+    /// Of packets, the position up to which a follower with that cursor knows this store.
+    std::uint64_t known_by(const track_cursor& seen) const {
+        std::uint64_t made = 0;
+        for (const auto& [store, position] : seen) {
+            store_part known;
+            known.store = store;
+            known.packets = position;
+            made = std::max(made, shared(known).packets);
+        }
+        return made;
     }
     /// Begins another life, which continues at the same positions.
     void begin(std::uint64_t number) {

@@ -14,7 +14,7 @@ namespace atirma::store_rows {
 // All that a packet's checksum covers, in its order.
 inline constexpr std::string_view packet_sum =
     "row_sum(position, boot, sequence, measured, link, received, history, kind, raw, peer_position)";
-// Packets of a program that wrote no checksums have none until `node_store::seal`.
+// Packets of a program that wrote no checksums have none until `sqlite_store::seal`.
 inline constexpr std::string_view packet_is_sound =
     "(sum IS NULL OR sum = row_sum(position, boot, sequence, measured, link, received, history, kind, raw, "
     "peer_position))";

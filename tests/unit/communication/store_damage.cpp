@@ -117,7 +117,7 @@ TEST_CASE("node store: telecommands, authority and positions that the disk chang
     }
     SECTION("how far it is") {
         change(there.file(), "UPDATE meta SET value = 17 WHERE name = 'head'");
-        CHECK(node_store::open(there.file(), 1).error().code() == ise::errc::malformed);
+        CHECK(sqlite_store::open(there.file(), 1).error().code() == ise::errc::malformed);
     }
     CHECK_FALSE(check_store(there.file())->sound);
 }

@@ -1,6 +1,6 @@
 // Packets, telecommands and stores for the tests of a node's store.
 #pragma once
-#include <components/communication_node/node_store.hpp>
+#include <components/communication_node/sqlite_store.hpp>
 
 #include <support/catch.hpp>
 
@@ -27,8 +27,8 @@ struct folder {
     }
 };
 
-inline node_store opened(const std::string& file, std::uint64_t number) {
-    auto made = node_store::open(file, number);
+inline sqlite_store opened(const std::string& file, std::uint64_t number) {
+    auto made = sqlite_store::open(file, number);
     REQUIRE(made);
     return std::move(*made);
 }
@@ -74,7 +74,7 @@ inline command_record record(std::uint32_t id, telecommand_stage stage = telecom
 }
 
 // One round of replication.
-inline std::uint32_t pull(node_store& into, node_store& from, std::size_t most = 1000) {
+inline std::uint32_t pull(sqlite_store& into, sqlite_store& from, std::size_t most = 1000) {
     auto shared = from.shared(into.known_of_peer());
     auto page = from.page_after(into.number(), shared.packets, shared.commands, most).value();
     return into.apply(page, page.commands, false).value();

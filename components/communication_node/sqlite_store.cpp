@@ -1,4 +1,4 @@
-#include <components/communication_node/node_store.hpp>
+#include <components/communication_node/sqlite_store.hpp>
 
 #include <components/communication_node/store_rows.hpp>
 
@@ -94,19 +94,19 @@ void note_life(database& in, const store_part& life, bool of_peer) {
 
 } // namespace
 
-node_store::node_store(database opened)
+sqlite_store::sqlite_store(database opened)
     : db_(std::make_unique<database>(std::move(opened))), packets_(*db_), records_(*db_) {}
 
-ise::result<node_store> node_store::open(const std::string& file, std::uint64_t fresh_number) {
+ise::result<sqlite_store> sqlite_store::open(const std::string& file, std::uint64_t fresh_number) {
     return caught([&] {
-        node_store store(database::open(file, schema).value());
+        sqlite_store store(database::open(file, schema).value());
         store.load();
         store.begin_life(fresh_number).value();
         return store;
     });
 }
 
-void node_store::load() {
+void sqlite_store::load() {
     static const auto sql = fmt::format("SELECT name, value, {} FROM meta", meta_is_sound);
     auto rows = db_->query(sql).value();
     for (const auto& row : rows) {
@@ -134,7 +134,7 @@ void node_store::load() {
 }
 
 // Before anything is told of this life it is on the disk, so that the next one knows how far it came.
-ise::result<void> node_store::begin_life(std::uint64_t fresh_number) {
+ise::result<void> sqlite_store::begin_life(std::uint64_t fresh_number) {
     auto number = fresh_number | 1;
     while (own_.find(number)) number += 2;
     auto own = own_;
@@ -151,28 +151,7 @@ ise::result<void> node_store::begin_life(std::uint64_t fresh_number) {
     return {};
 }
 
-store_part node_store::shared(const store_part& known) const {
-    store_part made;
-    made.store = number();
-    const auto* life = own_.find(known.store);
-    if (!life) return made;
-    bool beyond = known.packets > life->packets || known.commands > life->commands;
-    if (life == &own_.now && beyond) return made; // the file went back in time
-    made.packets = std::min(known.packets, life->packets);
-    made.commands = std::min(known.commands, life->commands);
-    return made;
-}
-
-store_part node_store::shared(std::span<const store_part> known) const {
-    store_part most;
-    for (const auto& one : known) {
-        auto part = shared(one);
-        if (part.packets > most.packets || (part.packets == most.packets && part.commands > most.commands)) most = part;
-    }
-    return most;
-}
-
-std::vector<store_part> node_store::known_of_peer() const {
+std::vector<store_part> sqlite_store::known_of_peer() const {
     std::vector<store_part> made;
     if (peer_.now.store != 0) made.push_back(peer_.now);
     for (const auto& life : peer_.over)
@@ -180,21 +159,21 @@ std::vector<store_part> node_store::known_of_peer() const {
     return made;
 }
 
-ise::result<std::string> node_store::set_aside(const ise::failure& cause, std::chrono::system_clock::time_point now,
-                                               const ise::logger& log) {
+ise::result<std::string> sqlite_store::set_aside(const ise::failure& cause, std::chrono::system_clock::time_point now,
+                                                 const ise::logger& log) {
     auto file = this->file();
     db_->close();
     return atirma::set_aside(file, cause, now, log);
 }
 
-ise::result<void> node_store::begin_anew(std::uint64_t fresh_number) {
+ise::result<void> sqlite_store::begin_anew(std::uint64_t fresh_number) {
     auto opened = open(file(), fresh_number);
     if (!opened) return opened.error();
     *this = std::move(*opened);
     return {};
 }
 
-ise::result<node_store::memory> node_store::remembered() {
+ise::result<sqlite_store::memory> sqlite_store::remembered() {
     return caught([&] {
         memory made;
         made.newest = packets_.newest();
@@ -205,7 +184,7 @@ ise::result<node_store::memory> node_store::remembered() {
     });
 }
 
-ise::result<node_store::kept> node_store::add(std::span<const telemetry_packet> packets) {
+ise::result<sqlite_store::kept> sqlite_store::add(std::span<const telemetry_packet> packets) {
     auto head = own_.now.packets;
     auto made = together(*db_, [&] {
         kept all;
@@ -225,7 +204,7 @@ ise::result<node_store::kept> node_store::add(std::span<const telemetry_packet> 
 }
 
 /// Positions are those of this store, and of the other node's.
-std::vector<telemetry_packet> node_store::numbered(std::vector<telemetry_packet> packets) const {
+std::vector<telemetry_packet> sqlite_store::numbered(std::vector<telemetry_packet> packets) const {
     for (auto& packet : packets) {
         packet.store = number();
         if (packet.peer_position != 0) packet.peer_store = peer_.now.store;
@@ -233,24 +212,13 @@ std::vector<telemetry_packet> node_store::numbered(std::vector<telemetry_packet>
     return packets;
 }
 
-ise::result<std::vector<telemetry_packet>> node_store::packets(std::uint64_t after, std::uint64_t up_to,
-                                                               std::size_t most) {
+ise::result<std::vector<telemetry_packet>> sqlite_store::packets(std::uint64_t after, std::uint64_t up_to,
+                                                                 std::size_t most) {
     return caught([&] { return numbered(packets_.page(after, up_to, most)); });
 }
 
 // Positions of a life that went on elsewhere count as far as that life is this store's too.
-std::uint64_t node_store::known_here(const track_cursor& seen) const {
-    std::uint64_t made = 0;
-    for (const auto& [store, position] : seen) {
-        store_part known;
-        known.store = store;
-        known.packets = position;
-        made = std::max(made, shared(known).packets);
-    }
-    return made;
-}
-
-std::uint64_t node_store::known_at_peer(const track_cursor& seen) const {
+std::uint64_t sqlite_store::known_at_peer(const track_cursor& seen) const {
     std::uint64_t made = 0;
     for (const auto& [store, position] : seen)
         if (const auto* life = peer_.find(store))
@@ -258,8 +226,8 @@ std::uint64_t node_store::known_at_peer(const track_cursor& seen) const {
     return made;
 }
 
-ise::result<track_page> node_store::track(const track_request& request, std::uint64_t up_to) {
-    auto here = known_here(request.seen), there = known_at_peer(request.seen);
+ise::result<track_page> sqlite_store::track(const track_request& request, std::uint64_t up_to) {
+    auto here = own_.known_by(request.seen), there = known_at_peer(request.seen);
     auto most = std::size_t{request.max_packets};
     auto found = caught([&] { return numbered(packets_.page(here, up_to, there, request, most + 1)); });
     if (!found) return found.error();
@@ -278,7 +246,7 @@ ise::result<track_page> node_store::track(const track_request& request, std::uin
     return made;
 }
 
-ise::result<void> node_store::put(std::span<const command_record> records) {
+ise::result<void> sqlite_store::put(std::span<const command_record> records) {
     auto head = own_.now.commands;
     auto done = together(*db_, [&] {
         for (const auto& record : records) records_.put(record, ++head);
@@ -288,20 +256,20 @@ ise::result<void> node_store::put(std::span<const command_record> records) {
     return done;
 }
 
-ise::result<std::optional<command_record>> node_store::command(std::uint32_t id) {
+ise::result<std::optional<command_record>> sqlite_store::command(std::uint32_t id) {
     return caught([&] { return records_.find(id); });
 }
 
-ise::result<record_page> node_store::list(const record_request& request) {
+ise::result<record_page> sqlite_store::list(const record_request& request) {
     return caught([&] { return records_.list(request); });
 }
 
-ise::result<void> node_store::put(const authority_state& state, std::uint64_t change) {
+ise::result<void> sqlite_store::put(const authority_state& state, std::uint64_t change) {
     return caught([&] { records_.put(state, change); });
 }
 
-ise::result<replication_page> node_store::page_after(std::uint64_t asker, std::uint64_t after, std::uint64_t commands,
-                                                     std::size_t most) {
+ise::result<replication_page> sqlite_store::page_after(std::uint64_t asker, std::uint64_t after, std::uint64_t commands,
+                                                       std::size_t most) {
     return caught([&] {
         replication_page made;
         made.origin = origin_;
@@ -322,8 +290,8 @@ ise::result<replication_page> node_store::page_after(std::uint64_t asker, std::u
     });
 }
 
-ise::result<std::uint32_t> node_store::apply(const replication_page& page, std::span<const command_record> news,
-                                             bool authority_is_news) {
+ise::result<std::uint32_t> sqlite_store::apply(const replication_page& page, std::span<const command_record> news,
+                                               bool authority_is_news) {
     auto out_of_step = [](std::string why) { throw ise::error(ise::errc::protocol_error, std::move(why)); };
     auto own = own_.now;
     auto peer = peer_;
@@ -372,7 +340,7 @@ ise::result<std::uint32_t> node_store::apply(const replication_page& page, std::
 }
 
 /// Its store went back in time, or is another one: what it had beyond that says nothing any more.
-void node_store::forget_peer_after(std::uint64_t packets, std::uint64_t commands) {
+void sqlite_store::forget_peer_after(std::uint64_t packets, std::uint64_t commands) {
     packets_.forget_at_peer(packets);
     db_->execute("UPDATE lives SET packets = min(packets, ?1), commands = min(commands, ?2), sum = "
                  "row_sum(number, peer, min(packets, ?1), min(commands, ?2)) WHERE peer = 1",
@@ -380,13 +348,33 @@ void node_store::forget_peer_after(std::uint64_t packets, std::uint64_t commands
         .value();
 }
 
-ise::result<std::int64_t> node_store::prune(std::uint64_t keep_packets, std::uint64_t keep_commands) {
+ise::result<std::int64_t> sqlite_store::prune(std::uint64_t keep_packets, std::uint64_t keep_commands) {
     return caught(
         [&] { return packets_.prune(head() - std::min(head(), keep_packets)) + records_.prune(keep_commands); });
 }
 
-ise::result<std::int64_t> node_store::seal() {
+ise::result<std::int64_t> sqlite_store::seal() {
     return caught([&] { return packets_.seal(); });
+}
+
+void sqlite_store::begin(const command_record& record, std::uint32_t, then<begun> done) {
+    auto written = put(std::span(&record, 1));
+    if (written) done(begun());
+    else done(written.error());
+}
+
+void sqlite_store::put(const change_of_authority& state, const std::pair<std::uint32_t, std::uint64_t>&,
+                       then<std::optional<change_of_authority>> done) {
+    auto written = put(state.first, state.second);
+    if (written) done(std::optional<change_of_authority>());
+    else done(written.error());
+}
+
+void sqlite_store::tend(std::uint64_t keep_packets, std::uint64_t keep_commands, then<std::int64_t> done) {
+    auto removed = prune(keep_packets, keep_commands);
+    if (!removed) return done(removed);
+    auto sealed = seal();
+    done(sealed ? ise::result<std::int64_t>(*removed + *sealed) : sealed);
 }
 
 } // namespace atirma
