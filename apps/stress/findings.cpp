@@ -126,4 +126,15 @@ std::string length_text(ise::duration length) {
     return fmt::format("{}:{:02}:{:02} h", ms / 3'600'000, ms / 60'000 % 60, ms / 1000 % 60);
 }
 
+std::string counted(std::uint64_t count, std::string_view one) {
+    return fmt::format("{} {}{}", count, one, count == 1 ? "" : "s");
+}
+
+std::string voyage_text(ise::duration length) {
+    auto minutes = static_cast<std::uint64_t>(std::chrono::round<std::chrono::minutes>(length).count());
+    if (minutes < 60) return counted(minutes, "minute");
+    if (minutes % 60 == 0) return counted(minutes / 60, "hour");
+    return counted(minutes / 60, "hour") + " " + counted(minutes % 60, "minute");
+}
+
 } // namespace atirma::stress

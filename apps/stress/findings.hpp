@@ -2,8 +2,10 @@
 #include "account.hpp"
 
 #include <array>
+#include <cstdint>
 #include <map>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace atirma::stress {
@@ -45,5 +47,9 @@ struct findings {
 std::string clock_text(ise::duration since_start);
 /// "340 ms", "12.3 s", "3:07 min", "1:03:07 h".
 std::string length_text(ise::duration length);
+/// "30 minutes", "1 hour", "1 hour 30 minutes": the length of a voyage, to the minute.
+std::string voyage_text(ise::duration length);
+/// "1 gap", "2 gaps".
+std::string counted(std::uint64_t count, std::string_view one);
 
 } // namespace atirma::stress

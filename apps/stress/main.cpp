@@ -163,7 +163,7 @@ int main(int argc, char** argv) {
         stress::write_file(folder / "machine.md", machine.text(sailing_s));
         bool good = stress::holds(result, proof);
         progress.clear();
-        fmt::print("{}: {} ({:.1f} s of processor time); {}\n", stress::length_text(result.plan.length),
+        fmt::print("{}: {} ({:.1f} s of processor time); {}\n", stress::voyage_text(result.plan.length),
                    good ? "the proof holds" : "THE PROOF DOES NOT HOLD", processor_s() - began_s,
                    (folder / "report.md").string());
         return good ? 0 : 1;

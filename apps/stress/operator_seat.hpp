@@ -32,7 +32,7 @@ struct operator_record {
     std::size_t next_order = 0;
     std::vector<given_command> commands;
     track_cursor seen;
-    duplicate_filter shown; ///< as a console and the page have one
+    duplicate_filter shown;              ///< as a console and the page have one
     std::uint64_t authority_changes = 0; ///< that it was told
     bool may_begin = true;               ///< the times of the orders hold
 };

@@ -15,14 +15,7 @@
 namespace atirma::stress {
 namespace {
 
-using namespace std::chrono_literals;
 using namespace svg;
-
-// "1 hour", "10 hours", "1:30:00 h"
-std::string whole_length(ise::duration length) {
-    if (length % 1h != 0s) return length_text(length);
-    return fmt::format("{} hour{}", length / 1h, length == 1h ? "" : "s");
-}
 
 void draw_panel(drawing& to, const account& of, const findings& found) {
     double x = panel.left, y = panel.top + 18;
@@ -52,7 +45,7 @@ void draw_panel(drawing& to, const account& of, const findings& found) {
     }
     y += 16;
     heading("The voyage");
-    line(fmt::format("{:.1f} km in {}", of.sailed_m / 1000, whole_length(of.plan.length)));
+    line(fmt::format("{:.1f} km in {}", of.sailed_m / 1000, voyage_text(of.plan.length)));
     line(of.wind);
     std::size_t given = 0, done = 0;
     for (const auto& who : of.people) {
@@ -136,7 +129,7 @@ std::string make_picture(const account& of, const findings& found) {
     to.put("<rect width=\"1400\" height=\"1176\" fill=\"#fff\"/>");
     to.put("<text x=\"40\" y=\"48\" font-size=\"28\" font-weight=\"bold\" fill=\"#2a323a\">A-Tirma: {} in the bay of "
            "El Confital</text>",
-           whole_length(of.plan.length));
+           voyage_text(of.plan.length));
     to.put("<text x=\"40\" y=\"76\" class=\"text\">{} clock, seed {}. Course T1, from the middle on T2; every "
            "link with holes, every server killed in turn.</text>",
            of.virtual_clock ? "Virtual" : "Real", of.seed);

@@ -30,7 +30,7 @@ struct style {
 };
 /// The links as the page has them (--l0 to --l2 of components/web_server/page/style.css).
 inline constexpr std::array<style, shades> styles{
-    {{"#0b6fb8", "XBee"}, {"#137a4a", "GPRS"}, {"#8a3ea8", "Iridium"}, {"#8cc4a6", "GPRS, told afterwards"}}};
+    {{"#0b6fb8", "XBee"}, {"#137a4a", "GPRS"}, {"#8a3ea8", "Iridium"}, {"#8cc4a6", "GPRS, received later"}}};
 
 /// Text as it may stand in the picture.
 inline std::string xml(std::string_view text) {

@@ -111,7 +111,7 @@ void say_gaps(text& out, const account& of, const findings& found) {
         const auto& all = found.gaps[i];
         ise::duration sum{};
         for (const auto& one : all) sum += one.until - one.from;
-        out.line("\n{}: {} silences of more than {}, {} in all.\n", link_names[i], all.size(),
+        out.line("\n{}: {} of more than {}, {} in all.\n", link_names[i], counted(all.size(), "silence"),
                  length_text(findings::silence_of(static_cast<link_id>(i), of.plan)), length_text(sum));
         if (all.empty()) continue;
         out.line("| from | until | length | cause |");
@@ -120,7 +120,8 @@ void say_gaps(text& out, const account& of, const findings& found) {
             out.line("| {} | {} | {} | {} |", clock_text(one.from), clock_text(one.until),
                      length_text(one.until - one.from), one.cause.empty() ? "**unknown**" : one.cause);
     }
-    out.line("\nThe track after the last packet had arrived: {} gaps of more than 20 s.", found.track_gaps.size());
+    out.line("\nThe track after the last packet had arrived: {} of more than 20 s.",
+             counted(found.track_gaps.size(), "gap"));
     for (const auto& one : found.track_gaps)
         out.line("- {} to {}, {}: {}", clock_text(one.from), clock_text(one.until), length_text(one.until - one.from),
                  one.cause.empty() ? "**unknown**" : one.cause);
@@ -301,7 +302,7 @@ bool holds(const account& of, const ledger::verdict& proof) {
 
 std::string make_report(const account& of, const findings& found, const ledger::verdict& proof) {
     text out;
-    out.line("# {} at sea, seed {}", length_text(of.plan.length), of.seed);
+    out.line("# {} at sea, seed {}", voyage_text(of.plan.length), of.seed);
     out.line("\nFrom the bay of El Confital on the {} clock: the boat sailed T1 and then T2, {:.1f} km.",
              of.virtual_clock ? "virtual" : "real", of.sailed_m / 1000);
     out.line("The wind: {}.", of.wind);

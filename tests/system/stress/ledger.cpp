@@ -224,3 +224,13 @@ TEST_CASE("stress: a plan has every trouble, is the same for the same seed, and 
         }
     CHECK(make_plan(1, 10h).faults.front().at != make_plan(2, 10h).faults.front().at);
 }
+
+TEST_CASE("stress: the length of a voyage and counts are written out") {
+    CHECK(voyage_text(30min) == "30 minutes");
+    CHECK(voyage_text(1h) == "1 hour");
+    CHECK(voyage_text(10h) == "10 hours");
+    CHECK(voyage_text(1h + 30min) == "1 hour 30 minutes");
+    CHECK(voyage_text(2h + 1min) == "2 hours 1 minute");
+    CHECK(counted(0, "gap") == "0 gaps");
+    CHECK(counted(1, "gap") == "1 gap");
+}

@@ -58,6 +58,9 @@ TEST_CASE(
     auto first = sail(sea);
     INFO(first.report);
     REQUIRE(first.good);
+    CHECK(first.report.find("# 20 minutes at sea, seed 7") == 0);
+    CHECK(first.report.find("**unknown**") == std::string::npos); // the cause of every silence
+    CHECK(first.picture.find("A-Tirma: 20 minutes in the bay") != std::string::npos);
     for (const auto& one : sea.judge().links) CHECK(one.owed > 0);
     CHECK(first.story.set_back > 0);
     CHECK(first.story.samples.size() == voyage::samples_wanted + 1);
