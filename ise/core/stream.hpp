@@ -25,8 +25,8 @@ class stream_reader {
 public:
     /// Memory for the next bytes. Empty: it takes no more.
     virtual asio::mutable_buffer room() noexcept = 0;
-    /// They are in it; or the end of the stream or its error, at which the reader closes it. Called inside a turn of the
-    /// loop. Does not destroy the stream.
+    /// They are in it; or the end of the stream or its error, at which the reader closes it. Called inside a turn of
+    /// the loop. Does not destroy the stream.
     virtual void on_bytes(const transfer& got) = 0;
 
 protected:
@@ -45,8 +45,8 @@ public:
     virtual task<transfer> read_some(asio::mutable_buffer into) = 0;
 
     /// From now on `reader`, which lives as long as the stream is open, gets what arrives; `read_some` only completes
-    /// when the stream is closed. Called inside a turn of the loop, and never delivers within the call. False: this stream
-    /// is read by `read_some`.
+    /// when the stream is closed. Called inside a turn of the loop, and never delivers within the call. False: this
+    /// stream is read by `read_some`.
     virtual bool deliver_to([[maybe_unused]] stream_reader& reader) { return false; }
 
     /// Writes as much as possible without waiting: `asio::error::would_block` if that is nothing.

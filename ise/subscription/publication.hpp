@@ -11,8 +11,8 @@
 
 namespace ise {
 
-/// What `publication::send()` awaits: publishes at once where there is room. The publication outlives it. Converts to an
-/// `ise::task` for whoever wants one, which may outlive the publication.
+/// What `publication::send()` awaits: publishes at once where there is room. The publication outlives it. Converts to
+/// an `ise::task` for whoever wants one, which may outlive the publication.
 class [[nodiscard]] send_packet final : public awaiter {
 public:
     send_packet(const std::shared_ptr<publication_core>& to, published_packet packet) noexcept
