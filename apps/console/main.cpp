@@ -234,7 +234,7 @@ int main(int count, char** words) {
         ->delimiter(',')
         ->capture_default_str();
     app.add_option("--boats", given.boats, "of a fleet, show so many boats: atirma, boat-2, boat-3...")
-        ->check(CLI::Range(1, max_boats))
+        ->check(CLI::Range(std::size_t{1}, max_boats))
         ->capture_default_str();
     app.add_option("--proxies", given.proxies, "further proxies of the (first) boat: paths or endpoints")
         ->delimiter(',');

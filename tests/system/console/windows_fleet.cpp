@@ -19,7 +19,7 @@ struct fleet_desk : desk {
         : desk(true, size, settings, player, {"A-Tirma", "boat-2", "boat-3"}) {
         other.on_link("boat-2/shore/gprs", true, "", now);
         other.takes_commands("boat-2/shore/gprs");
-        hear_other(at(28.1400, -15.4300));
+        hear_other(at(28.2000, -15.3000)); // no land ahead
         navigation n;
         n.mode = sailing_mode::station_keep;
         hear_other(n);
