@@ -73,6 +73,7 @@ console_window::console_window(sink act, window_options options)
     connect(keeping, &QTimer::timeout, this, &console_window::keep);
     keeping->start(3000);
     recall();
+    if (boat_choice_) chart_->setFocus();
     refresh();
     if (!trouble.isEmpty()) say(trouble);
 }
@@ -133,6 +134,7 @@ void console_window::show_boat(std::size_t boat) {
     auto split = split_->saveState();
     auto tab = tabs_->currentWidget()->property("tab").toString();
     auto tail = chart_->tail();
+    bool by_choice = boat_choice_->hasFocus();
     auto* before = takeCentralWidget();
     before->hide();
     before->setParent(nullptr);
@@ -149,7 +151,10 @@ void console_window::show_boat(std::size_t boat) {
     chart_->set_tail(tail);
     if (const auto& now = desks_[boat]; now.chart_centre) chart_->place(*now.chart_centre, now.metres_per_pixel);
     refresh();
-    (tab == "fleet" ? boats_->focus() : static_cast<QWidget*>(boat_choice_))->setFocus();
+    QWidget* takes_keys = chart_; // arrows are for the chart, not for a switch by accident
+    if (by_choice) takes_keys = boat_choice_;
+    else if (tab == "fleet") takes_keys = boats_->focus();
+    takes_keys->setFocus();
 }
 
 QString console_window::boat_name() const { return QString::fromStdString(fleet_.name(shown_)); }
