@@ -196,13 +196,15 @@ int run(const arguments& given, int count, char** words) {
         window.show();
         for (int sign : {SIGINT, SIGTERM}) std::signal(sign, [](int) { asked_to_end = 1; });
         QTimer watching;
-        bool reported = false;
+        std::size_t reported = 0;
         QObject::connect(&watching, &QTimer::timeout, &window, [&] {
             if (asked_to_end) QApplication::quit(); // closes the window first, which saves its settings
-            if (reported || !node.all_stopped()) return;
-            reported = true;
-            for (const auto& report : node.reports())
-                window.say("The connection has ended: " + QString::fromStdString(report.failure));
+            auto reports = node.reports();
+            for (; reported < reports.size(); ++reported) {
+                const auto& ended = reports[reported];
+                auto boat = spaces.size() == 1 ? std::string() : " (" + ended.path + ")";
+                window.say(QString::fromStdString(fmt::format("The connection has ended{}: {}", boat, ended.failure)));
+            }
         });
         watching.start(200);
         if (pictures)
