@@ -1,15 +1,17 @@
 #include "console_window.hpp"
 
 #include "boat_panel.hpp"
+#include "boat_words.hpp"
 #include "chart_view.hpp"
+#include "choice_box.hpp"
 #include "command_button.hpp"
+#include "fleet_list.hpp"
 #include "instruments.hpp"
 #include "links_panel.hpp"
 #include "lists.hpp"
 #include "mission_panel.hpp"
 #include "theme.hpp"
 
-#include <components/boat/parameters.hpp>
 #include <components/gui_client/freshness.hpp>
 #include <components/gui_client/track_store.hpp>
 #include <components/gui_client/words.hpp>
@@ -70,31 +72,15 @@ QWidget* console_window::make_head() {
 void console_window::show_head(utc_time at) {
     const auto& t = colours();
     const auto& boat = seen_->boat;
-    auto how = freshness_of(boat.position, value_kind::position, boat, at);
-    QString words = tr("no boat yet");
-    QColor ink = t.ink3, back = t.field;
-    if (how != freshness::none) {
-        auto age = text(age_text(age_s(at, boat.position->measured_at)));
-        auto link = text(label(boat.position->link));
-        words = how == freshness::fresh    ? tr("live · %1 · %2").arg(link, age)
-                : how == freshness::ageing ? tr("old · %1 · %2").arg(link, age)
-                                           : tr("no current data · %1").arg(age);
-        ink = t.of(how);
-        back = how == freshness::fresh ? t.field : t.warn_back;
-        if (boat.on_beacon()) {
-            words = tr("BEACON · %1").arg(age);
-            ink = t.bad, back = t.bad_back;
-        }
-    }
-    auto silent = std::ranges::find_if(seen_->alarms, [](const auto& a) { return a.key == "no_data" && !a.over_at; });
-    if (silent != seen_->alarms.end()) ink = t.bad, back = t.bad_back; // red is for alarms
+    auto state = state_of(*seen_, at);
+    auto words = state.age.isEmpty() ? state.words : tr("%1 · %2").arg(state.words, state.age);
     status_->setText("● " + words);
     status_->setToolTip(words);
-    set_sheet(status_, pill(ink, back));
+    set_sheet(status_, pill(state.ink, state.back));
     bool known = boat.sailing.has_value();
     bool irons = known && boat.sailing->value.in_irons, fence = known && boat.sailing->value.at_fence;
     bool remote = known && boat.sailing->value.remote_control;
-    mode_->setText(mode_words(at));
+    mode_->setText(mode_words(*seen_, at));
     mode_->setToolTip(!known             ? tr("The mode is not known yet")
                       : boat.on_beacon() ? tr("Nothing is heard from the main controller: see the alarms")
                       : remote ? tr("The remote control has rudder and sail: the boat refuses what steers it until it "
@@ -112,25 +98,21 @@ void console_window::show_head(utc_time at) {
     clock_->setText(text(iso_time(at).substr(11, 8)) + " UTC");
 }
 
-/// "Auto", "Heading · 12 min" with the time until it loiters.
-QString console_window::mode_words(utc_time at) const {
-    const auto& boat = seen_->boat;
-    if (!boat.sailing) return QStringLiteral("–");
-    const auto& n = boat.sailing->value;
-    if (boat.on_beacon()) return tr("mode not known");
-    if (n.remote_control) return tr("Remote control");
-    auto words = text(label(n.mode));
-    if (n.in_irons) return words + tr(" · in irons");
-    if (n.at_fence) return words + tr(" · fence");
-    if (n.mode != sailing_mode::hold || !boat.mode_since) return words;
-    double limit_s = 0;
-    if (const auto* info = find_parameter(parameter_id::heading_time_limit))
-        limit_s = static_cast<double>(info->initial);
-    for (const auto& one : seen_->parameters)
-        if (one.id == parameter_id::heading_time_limit && one.confirmed) limit_s = static_cast<double>(*one.confirmed);
-    double left_s = std::max(0.0, limit_s - age_s(at, *boat.mode_since));
-    return left_s >= 90 ? tr("%1 · %2 min").arg(words).arg(left_s / 60, 0, 'f', 0)
-                        : tr("%1 · %2 s").arg(words).arg(left_s, 0, 'f', 0);
+/// Null where there is one boat.
+QWidget* console_window::make_boat_choice() {
+    if (fleet_.size() == 1) return nullptr;
+    boat_choice_ = new choice_box(this);
+    boat_choice_->setObjectName("boat_choice");
+    boat_choice_->setAccessibleName(tr("The boat that is shown"));
+    boat_choice_->setToolTip(tr("The boat that is shown, and gets the commands; behind the name, its open alarms"));
+    boat_choice_->setFixedSize(150, 34); // the same for all names
+    for (std::size_t boat = 0; boat < fleet_.size(); ++boat)
+        boat_choice_->addItem(QString::fromStdString(fleet_.name(boat)));
+    boat_choice_->setCurrentIndex(static_cast<int>(shown_));
+    connect(
+        boat_choice_, &QComboBox::activated, this, [this](int place) { show_boat(static_cast<std::size_t>(place)); },
+        Qt::QueuedConnection);
+    return boat_choice_;
 }
 
 QWidget* console_window::make_alarm_strip() {
@@ -144,7 +126,11 @@ QWidget* console_window::make_alarm_strip() {
     strip_text_->setAccessibleName(tr("Alarm"));
     strip_->setFixedHeight(34); // the same with and without an alarm
     auto* more = strip_more_ = new QPushButton(tr("Show"), strip_);
-    connect(more, &QPushButton::clicked, this, [this] { show_tab("alarms"); });
+    connect(more, &QPushButton::clicked, this, [this] {
+        auto open = fleet_.open_alarms(shown_);
+        if (!open.empty()) show_boat(open.front().boat);
+        show_tab("alarms");
+    });
     auto* acknowledge = strip_acknowledge_ = new QPushButton(tr("Acknowledge"), strip_);
     for (auto* each : {more, acknowledge}) {
         auto kept = each->sizePolicy();
@@ -155,7 +141,9 @@ QWidget* console_window::make_alarm_strip() {
     acknowledge->setObjectName("acknowledge_first");
     acknowledge->setToolTip(tr("Acknowledges this alarm; it stays in the list until its cause is gone"));
     connect(acknowledge, &QPushButton::clicked, this, [this] {
-        if (!seen_->alarms.empty()) actions_.act(acknowledge_alarm{seen_->alarms.front().key});
+        auto open = fleet_.open_alarms(shown_);
+        if (open.empty()) return;
+        if (!act_(open.front().boat, acknowledge_alarm{open.front().alarm.key})) say(tr("The console is busy: again"));
     });
     row->addWidget(strip_text_, 1);
     row->addWidget(more);
@@ -166,12 +154,14 @@ QWidget* console_window::make_alarm_strip() {
 void console_window::show_alarm_strip() {
     const auto& t = colours();
     const auto& all = seen_->alarms;
-    auto open = std::count_if(all.begin(), all.end(), [](const auto& one) { return !one.acknowledged; });
+    auto open_alarms = fleet_.open_alarms(shown_);
+    auto open = open_alarms.size();
+    auto open_here = count_open(*seen_).count;
     strip_more_->setVisible(open > 0);
     strip_acknowledge_->setVisible(open > 0);
     auto place = tabs_->indexOf(alarms_);
     bool grave = std::ranges::any_of(all, [](const auto& a) { return !a.acknowledged && a.how == severity::critical; });
-    tabs_->tabBar()->setTabTextColor(place, grave ? t.bad : open > 0 ? t.warn : QColor());
+    tabs_->tabBar()->setTabTextColor(place, grave ? t.bad : open_here > 0 ? t.warn : QColor());
     tabs_->setTabToolTip(place, tr("Active alarms: %1 (F5)").arg(all.size()));
     auto strip_sheet = [](const QColor& back, const QColor& ink, int weight) {
         return QStringLiteral(
@@ -185,17 +175,18 @@ void console_window::show_alarm_strip() {
         strip_text_->setToolTip({});
         return;
     }
-    const auto& first = all.front(); // unacknowledged ones come first
+    const auto& [boat, first] = open_alarms.front();
+    auto told = text(fleet_.labelled(boat, first.text));
     auto ink = first.how == severity::critical ? t.bad : first.how == severity::warning ? t.warn : t.accent;
     auto back = first.how == severity::critical  ? t.bad_back
                 : first.how == severity::warning ? t.warn_back
                                                  : t.notice_back;
     set_sheet(strip_, strip_sheet(back, ink, 600));
-    auto words = QStringLiteral("%1  %2").arg(text(iso_time(first.raised_at).substr(11, 8)), text(first.text));
+    auto words = QStringLiteral("%1  %2").arg(text(iso_time(first.raised_at).substr(11, 8)), told);
     if (first.over_at) words += tr("  (over)");
     if (open > 1) words += tr("   + %1 more").arg(open - 1);
     strip_text_->setText(words);
-    strip_text_->setToolTip(text(first.text));
+    strip_text_->setToolTip(told);
 }
 
 QWidget* console_window::make_side() {
@@ -211,7 +202,7 @@ QWidget* console_window::make_side() {
     tabs_->tabBar()->setDrawBase(false);
     tabs_->tabBar()->setExpanding(false);
     tabs_->tabBar()->setElideMode(Qt::ElideNone);
-    mission_ = new mission_panel(draft_, actions_, tabs_);
+    mission_ = new mission_panel(draft(), actions_, tabs_);
     links_ = new links_panel(actions_, tabs_);
     boat_ = new boat_panel(actions_, tabs_);
     log_ = new command_list([this](std::uint32_t id) { actions_.act(call_back_command{id}); }, tabs_);
@@ -230,6 +221,11 @@ QWidget* console_window::make_side() {
     for (const auto& [widget, name, label, tip] : all) {
         widget->setProperty("tab", name);
         tabs_->setTabToolTip(tabs_->addTab(widget, label), tip);
+    }
+    if (fleet_.size() > 1) {
+        boats_ = new fleet_list([this](std::size_t boat) { show_boat(boat); }, tabs_);
+        boats_->setProperty("tab", "fleet");
+        tabs_->setTabToolTip(tabs_->addTab(boats_, tr("Fleet")), tr("All boats, and switching between them (F8)"));
     }
     connect(tabs_, &QTabWidget::currentChanged, this, [this] { refresh(); });
     column->addWidget(tabs_, 7);

@@ -19,7 +19,7 @@ void console_window::recall() {
     if (!kept.geometry.isEmpty()) restoreGeometry(kept.geometry); // moves it onto an existing screen
     if (!kept.split.isEmpty()) split_->restoreState(kept.split);
     if (!kept.tab.isEmpty()) show_tab(kept.tab);
-    if (kept.draft_edited) draft_.restore(kept.draft);
+    if (kept.draft_edited) draft().restore(kept.draft);
     follow_->setChecked(kept.follow);
     chart_->set_follow(kept.follow);
     chart_->set_tail(kept.tail_s);
@@ -31,17 +31,19 @@ console_memory console_window::memory() const {
     made.night = options_.night;
     made.red = red_;
     made.shown = shown_units();
-    if (told_component_) {
+    if (desks_[0].told) {
         bool settled = now() - began_ > std::chrono::minutes(10); // before that, the cause may not be known yet
         std::erase_if(made.acknowledged, [&](const auto& kept) {
-            return settled || std::ranges::any_of(seen_->alarms, [&](const auto& it) { return it.key == kept.key; });
+            return settled ||
+                   std::ranges::any_of(fleet_.seen(0)->alarms, [&](const auto& it) { return it.key == kept.key; });
         });
-        for (const auto& one : seen_->alarms)
+        for (const auto& one : fleet_.seen(0)->alarms)
             if (one.acknowledged && made.acknowledged.size() < alarm_book::max_alarms)
                 made.acknowledged.push_back({one.key, one.how});
     }
-    made.draft_edited = draft_.edited();
-    made.draft = draft_.edited() ? draft_.points() : std::vector<waypoint>();
+    const auto& draft = *desks_[0].draft; // the file has the first boat's
+    made.draft_edited = draft.edited();
+    made.draft = draft.edited() ? draft.points() : std::vector<waypoint>();
     made.geometry = saveGeometry();
     made.split = split_->saveState();
     made.tab = tabs_->currentWidget()->property("tab").toString();
@@ -75,7 +77,9 @@ void console_window::edit_limits() {
     limits_dialog dialog(remembered_.limits, this);
     if (dialog.exec() != QDialog::Accepted) return;
     remembered_.limits = dialog.limits();
-    if (actions_.act(set_limits{dialog.limits()})) say(tr("The alarms use the new limits"));
+    for (std::size_t boat = 0; boat < desks_.size(); ++boat) // the component that cannot take them yet gets them later
+        desks_[boat].told = act_(boat, set_limits{dialog.limits()}) && desks_[boat].told;
+    if (desks_[shown_].told) say(tr("The alarms use the new limits"));
 }
 
 } // namespace atirma::console

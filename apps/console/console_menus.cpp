@@ -128,11 +128,11 @@ void console_window::make_menus() {
         if (on) show_tab("mission");
     });
     add(mission, tr("Ne&w list"), QKeySequence("Ctrl+Shift+E"), [this] { mission_->begin_new(); });
-    add(mission, tr("&Undo"), QKeySequence::Undo, [this] { draft_.undo(); });
+    add(mission, tr("&Undo"), QKeySequence::Undo, [this] { draft().undo(); });
     add(mission, tr("&Upload…"), QKeySequence("Ctrl+U"),
-        [this] { actions_.upload(draft_.points(), seen_->mission.points); });
+        [this] { actions_.upload(draft().points(), seen_->mission.points); });
     add(mission, tr("Read &back"), QKeySequence("Ctrl+B"), [this] { actions_.give(commands::waypoint_read_back()); });
-    add(mission, tr("As on the b&oat"), {}, [this] { draft_.take_over(seen_->mission.points); });
+    add(mission, tr("As on the b&oat"), {}, [this] { draft().take_over(seen_->mission.points); });
 
     mission->addSeparator();
     add(mission, tr("&Import route (GPX)…"), QKeySequence("Ctrl+O"), [this] { import_route(); });

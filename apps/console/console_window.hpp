@@ -4,14 +4,17 @@
 #include "recorder.hpp"
 #include "settings.hpp"
 
+#include <components/gui_client/fleet_watch.hpp>
 #include <components/gui_client/operator_port.hpp>
 
 #include <QMainWindow>
+#include <QStringList>
 
 #include <atomic>
 #include <functional>
 #include <memory>
 #include <optional>
+#include <vector>
 
 class QAction;
 class QFrame;
@@ -27,8 +30,10 @@ class alarm_list;
 class alarm_sound;
 class boat_panel;
 class chart_view;
+class choice_box;
 class command_button;
 class command_list;
+class fleet_list;
 class helm_bar;
 class instrument_panel;
 class links_panel;
@@ -38,22 +43,28 @@ class present_list;
 
 struct window_options {
     bool night = false;
-    QString boat_name = "A-Tirma";
+    QStringList boats{"A-Tirma"};    ///< their names; with more than one there is a list to switch between them
     QString settings;                ///< the file for window, units, limits…; empty: nothing is saved
     QString alarm_player;            ///< plays the sound of alarms (alarm_sound.hpp)
     std::function<utc_time()> clock; ///< civil time; empty: this machine's
 };
 
-/// The operator's console: all known values with their ages, and all actions. Never waits for another component.
+/// The operator's console: all known values with their ages, and all actions. Never waits for another component. Of
+/// several boats it shows one, and the alarms of all.
 class console_window : public QMainWindow {
     Q_OBJECT
 public:
-    console_window(operator_actions::sink act, window_options options);
+    /// Passes an action to the component of a boat; see operator_port::act.
+    using sink = std::function<bool(std::size_t boat, action)>;
+    console_window(sink act, window_options options);
     ~console_window() override;
 
-    /// Shows the port's snapshots as they arrive, for the lifetime of the window.
-    void attach(std::shared_ptr<operator_port> port);
-    void show_snapshot(std::shared_ptr<const snapshot> seen);
+    /// Shows the ports' snapshots as they arrive, for the lifetime of the window: one port for each boat.
+    void attach(std::vector<std::shared_ptr<operator_port>> ports);
+    void show_snapshot(std::shared_ptr<const snapshot> seen, std::size_t boat = 0);
+    /// Switches to another boat: the widgets are built anew, so that nothing entered for one boat reaches another.
+    void show_boat(std::size_t boat);
+    std::size_t shown_boat() const noexcept { return shown_; }
     void set_night(bool on);
     void set_red(bool on);
     /// Reads a route into the mission editor. Returns why it was not, or an empty string.
@@ -65,7 +76,7 @@ public:
     void say(const QString& words);
 
     chart_view& chart() noexcept { return *chart_; }
-    mission_draft& draft() noexcept { return draft_; }
+    mission_draft& draft() noexcept { return *desks_[shown_].draft; }
 
     /// Whether the settings contain its position.
     bool was_here() const noexcept { return !remembered_.geometry.isEmpty(); }
@@ -77,6 +88,21 @@ protected:
     void closeEvent(QCloseEvent*) override;
 
 private:
+    /// What is kept of a boat while another one is shown.
+    struct boat_desk {
+        std::unique_ptr<mission_draft> draft = std::make_unique<mission_draft>();
+        bool told = false; ///< its component has the saved limits and acknowledged alarms
+        std::optional<waypoint> chart_centre;
+        double metres_per_pixel = 3;
+    };
+    void make_middle();
+    void connect_middle();
+    QWidget* make_boat_choice();
+    void take_snapshot(std::size_t boat, std::shared_ptr<const snapshot> seen);
+    void take_news();
+    void show_fleet(utc_time now);
+    void fit_instruments(int height);
+    QString boat_name() const;
     QWidget* make_head();
     QWidget* make_alarm_strip();
     QWidget* make_side();
@@ -99,24 +125,25 @@ private:
     void show_palette();
     void import_route();
     void export_route();
-    QString mode_words(utc_time now) const;
     void export_track(bool gpx);
     void toggle_recording(bool on);
     utc_time now() const;
 
     window_options options_;
+    sink act_;
+    fleet_watch fleet_;
+    std::vector<boat_desk> desks_;
+    std::size_t shown_ = 0, recorded_ = 0; ///< boats
     operator_actions actions_;
-    mission_draft draft_;
     recorder recorder_;
-    std::shared_ptr<operator_port> port_;
+    std::vector<std::shared_ptr<operator_port>> ports_;
     std::atomic<bool> news_posted_{false};
-    std::shared_ptr<const snapshot> seen_;
+    std::shared_ptr<const snapshot> seen_; ///< of the shown boat
     settings_file settings_{QString()};
     console_memory remembered_; ///< the part that no widget holds
-    bool told_component_ = false, settings_failed_ = false, log_failed_ = false;
+    bool settings_failed_ = false, log_failed_ = false;
     bool red_ = false;
     utc_time began_{};
-    std::uint64_t calls_heard_ = 0, alarms_logged_ = 0;
     alarm_sound* sound_;
     QSplitter* split_;
     chart_view* chart_;
@@ -130,6 +157,8 @@ private:
     alarm_list* alarms_;
     packet_list* packets_;
     present_list* present_;
+    fleet_list* boats_ = nullptr;       ///< null: there is one boat
+    choice_box* boat_choice_ = nullptr; ///< likewise
     QTabWidget* tabs_;
     QFrame* strip_;
     QLabel *strip_text_, *status_, *mode_, *record_mark_, *clock_;

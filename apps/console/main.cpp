@@ -2,6 +2,7 @@
 #include "console_window.hpp"
 
 #include <apps/program_options.hpp>
+#include <components/boat/boat_names.hpp>
 #include <components/curl/curl_http_client.hpp>
 #include <components/curl/smtp_sender.hpp>
 #include <components/gui_client/gui_client.hpp>
@@ -17,6 +18,7 @@
 #include <QTimer>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <csignal>
 #include <cstdlib>
 #include <string_view>
@@ -29,7 +31,9 @@
 namespace {
 
 struct arguments {
-    std::string name_server, space = "atirma", operator_name, boat = "A-Tirma", screenshot, size, tab, settings;
+    std::string name_server, operator_name, boat, screenshot, size, tab, settings;
+    std::vector<std::string> spaces{std::string(atirma::first_boat)};
+    std::size_t boats = 1;
     std::string fence, alarm_player, alarm_hook, mail_server, mail_user, mail_from, alarms_from = "critical";
     std::vector<std::string> mail_to;
     std::vector<std::string> proxies;
@@ -37,6 +41,7 @@ struct arguments {
     double after_s = 10;
 };
 
+constexpr std::size_t max_boats = 100;
 volatile std::sig_atomic_t asked_to_end = 0;
 
 void complain(std::string_view what) { ise::complain("atirma_console", what); }
@@ -81,9 +86,27 @@ struct curl_hook final : on_curl<ise::http_client, atirma::curl_http_client> {
     }
 };
 
+/// The namespaces of the boats, each once.
+std::vector<std::string> spaces_of(const arguments& given) {
+    auto all = given.spaces;
+    for (std::size_t number = 1; number <= given.boats && given.boats > 1; ++number)
+        if (auto space = atirma::boat_name(number); std::ranges::find(all, space) == all.end()) all.push_back(space);
+    return all;
+}
+
+/// The names of the boats for people, in the order of `spaces`.
+QStringList names_of(const arguments& given, const std::vector<std::string>& spaces) {
+    QStringList made;
+    for (const auto& space : spaces) {
+        bool plain = spaces.size() == 1 || space == atirma::first_boat;
+        if (made.empty() && !given.boat.empty()) made << QString::fromStdString(given.boat);
+        else made << (plain ? QStringLiteral("A-Tirma") : QString::fromStdString(space));
+    }
+    return made;
+}
+
 void set_outlets(atirma::console::alarm_outlet_options& to, const arguments& given) {
     using atirma::console::severity;
-    to.boat = given.boat;
     to.at_least = given.alarms_from == "notice"    ? severity::notice
                   : given.alarms_from == "warning" ? severity::warning
                                                    : severity::critical;
@@ -123,9 +146,6 @@ int run(const arguments& given, int count, char** words) {
     terms.log = ise::log_to_stderr(ise::log_level::warning);
     terms.use_names = given.name_server != "none";
     atirma::console::gui_client_options options;
-    options.space = given.space;
-    options.communication = given.space + "/communication";
-    options.proxies = given.proxies;
     if (terms.use_names) {
         options.name_servers = given.name_server.empty() ? ise::usual_name_servers(world).value()
                                                          : ise::parse_name_servers(given.name_server).value();
@@ -137,40 +157,54 @@ int run(const arguments& given, int count, char** words) {
             std::make_shared<const atirma::sea_limits>(atirma::geofence::parse(text, given.fence).value());
     }
     set_outlets(options.outlets, given);
-    auto port = options.port;
     ise::node node(world, std::move(terms));
     auto who = given.operator_name.empty()
                    ? fmt::format("{}-{}", variable("USER").empty() ? "operator" : variable("USER"),
                                  world.identity().process_id)
                    : given.operator_name;
-    ise::component_options here;
-    node.start<atirma::console::gui_client>(given.space + "/console/" + path_part(who), here, options);
+    auto spaces = spaces_of(given);
+    auto names = names_of(given, spaces);
+    std::vector<std::shared_ptr<atirma::console::operator_port>> ports;
+    for (std::size_t boat = 0; boat < spaces.size(); ++boat) { // a component for each: no code there knows another boat
+        auto own = options;
+        own.space = spaces[boat];
+        own.communication = own.space + "/communication";
+        if (boat == 0) own.proxies = given.proxies;
+        own.outlets.boat = names[static_cast<int>(boat)].toStdString();
+        own.port = std::make_shared<atirma::console::operator_port>();
+        ports.push_back(own.port);
+        node.start<atirma::console::gui_client>(own.space + "/console/" + path_part(who), ise::component_options(),
+                                                own);
+    }
 
     atirma::console::window_options look;
     look.night = given.night;
     look.alarm_player = pictures ? QStringLiteral("none") : QString::fromStdString(given.alarm_player);
-    look.boat_name = QString::fromStdString(given.boat);
+    look.boats = names;
     if (given.settings != "none" && !(pictures && given.settings.empty())) // a picture does not use personal settings
         look.settings =
             given.settings.empty() ? atirma::console::settings_file::usual() : QString::fromStdString(given.settings);
     int code = 0;
     {
         atirma::console::console_window window(
-            [port](atirma::console::action what) { return port->act(std::move(what)); }, look);
+            [ports](std::size_t boat, atirma::console::action what) { return ports.at(boat)->act(std::move(what)); },
+            look);
         if (size) window.resize(*size);
         else if (!window.was_here()) window.resize(1280, 800);
         if (!given.tab.empty()) window.show_tab(QString::fromStdString(given.tab));
-        window.attach(port);
+        window.attach(ports);
         window.show();
         for (int sign : {SIGINT, SIGTERM}) std::signal(sign, [](int) { asked_to_end = 1; });
         QTimer watching;
-        bool reported = false;
+        std::size_t reported = 0;
         QObject::connect(&watching, &QTimer::timeout, &window, [&] {
             if (asked_to_end) QApplication::quit(); // closes the window first, which saves its settings
-            if (reported || !node.all_stopped()) return;
-            reported = true;
-            for (const auto& report : node.reports())
-                window.say("The connection has ended: " + QString::fromStdString(report.failure));
+            auto reports = node.reports();
+            for (; reported < reports.size(); ++reported) {
+                const auto& ended = reports[reported];
+                auto boat = spaces.size() == 1 ? std::string() : " (" + ended.path + ")";
+                window.say(QString::fromStdString(fmt::format("The connection has ended{}: {}", boat, ended.failure)));
+            }
         });
         watching.start(200);
         if (pictures)
@@ -198,14 +232,20 @@ int main(int count, char** words) {
     app.set_version_flag("--version", "atirma_console " ATIRMA_VERSION);
     app.add_option("--name-server", given.name_server,
                    "its endpoint, or none (default: ISE_NAME_SERVER, else that of this machine)");
-    app.add_option("--namespace", given.space, "namespace of the components to show")->capture_default_str();
-    app.add_option("--proxies", given.proxies, "further proxies: paths or endpoints")->delimiter(',');
+    app.add_option("--namespace", given.spaces, "namespace of the boat to show; of several boats: their namespaces")
+        ->delimiter(',')
+        ->capture_default_str();
+    app.add_option("--boats", given.boats, "of a fleet, show so many boats: atirma, boat-2, boat-3...")
+        ->check(CLI::Range(std::size_t{1}, max_boats))
+        ->capture_default_str();
+    app.add_option("--proxies", given.proxies, "further proxies of the (first) boat: paths or endpoints")
+        ->delimiter(',');
     app.add_option("--name", given.operator_name, "your name, shown to the other operators (default: the user name)");
-    app.add_option("--boat-name", given.boat, "name of the boat in the window's title")->capture_default_str();
+    app.add_option("--boat-name", given.boat, "name of the (first) boat in the window (default: A-Tirma)");
     app.add_flag("--night", given.night, "start with night colours");
     app.add_option("--size", given.size, "size of the window (default: the last one, else 1280x800)");
-    app.add_option("--tab", given.tab, "the list shown first: mission, links, boat, log, alarms, packets, who")
-        ->check(CLI::IsMember({"mission", "links", "boat", "log", "alarms", "packets", "who"}));
+    app.add_option("--tab", given.tab, "the list shown first: mission, links, boat, log, alarms, packets, who, fleet")
+        ->check(CLI::IsMember({"mission", "links", "boat", "log", "alarms", "packets", "who", "fleet"}));
     app.add_option("--settings", given.settings,
                    "file for window, units, alarm limits and the edited list, or none "
                    "(default: atirma/console.ini in the user's configuration folder)");
@@ -240,8 +280,15 @@ int main(int count, char** words) {
             else if (!ise::naming::is_path(proxy))
                 throw ise::error(ise::errc::invalid_argument,
                                  fmt::format("'{}' is neither a path nor an endpoint", proxy));
-        if (!ise::naming::is_path(given.space))
-            throw ise::error(ise::errc::invalid_argument, fmt::format("'{}' is not a namespace", given.space));
+        for (const auto& space : given.spaces) {
+            if (!ise::naming::is_path(space))
+                throw ise::error(ise::errc::invalid_argument, fmt::format("'{}' is not a namespace", space));
+            if (std::ranges::count(given.spaces, space) > 1)
+                throw ise::error(ise::errc::invalid_argument, fmt::format("--namespace has '{}' twice", space));
+        }
+        if (auto count = spaces_of(given).size(); count > max_boats)
+            throw ise::error(ise::errc::invalid_argument,
+                             fmt::format("{} boats are given; one console shows {} at most", count, max_boats));
     } catch (const ise::error& why) {
         complain(why.what());
         return 2;

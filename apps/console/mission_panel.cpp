@@ -3,6 +3,7 @@
 #include "chart_view.hpp"
 #include "hold_button.hpp"
 #include "theme.hpp"
+#include "units.hpp"
 
 #include <components/gui_client/freshness.hpp>
 #include <components/gui_client/mission.hpp>

@@ -37,15 +37,17 @@ inline const std::vector<waypoint> course{{28.1530, -15.4480}, {28.1600, -15.452
 /// A console whose actions are kept, with a boat that has told everything.
 struct desk {
     explicit desk(bool with_boat = true, QSize size = {1280, 800}, const QString& settings = {},
-                  const QString& player = "none") {
+                  const QString& player = "none", const QStringList& boats = {"A-Tirma"}) {
         start_qt();
         window_options look;
         look.settings = settings;
         look.alarm_player = player;
+        look.boats = boats;
         look.clock = [this] { return now; };
         window = std::make_unique<console_window>(
-            [this](action what) {
+            [this](std::size_t boat, action what) {
                 actions.push_back(std::move(what));
+                acted_on.push_back(boat);
                 return takes;
             },
             look);
@@ -182,6 +184,7 @@ struct desk {
     talker talk;
     utc_time now = t0;
     std::vector<action> actions;
+    std::vector<std::size_t> acted_on; ///< the boat of each action
     bool takes = true;
     QString asked;
     std::unique_ptr<console_window> window;

@@ -31,5 +31,10 @@ TEST_CASE("console program: what it cannot do is said, with an exit code") {
         {"atirma_console", "--name-server", "none", "--screenshot", "/no/such/folder/x.png", "--after", "0.2"});
     CHECK(nowhere.exit_code == 1);
     CHECK(nowhere.err.find("/no/such/folder") != std::string::npos);
+    CHECK(run_program({"atirma_console", "--boats", "0"}).exit_code == 2);
+    CHECK(run_program({"atirma_console", "--boats", "101"}).exit_code == 2);
+    auto twice = run_program({"atirma_console", "--namespace", "vela,nao,vela"});
+    CHECK(twice.exit_code == 2);
+    CHECK(twice.err.find("'vela' twice") != std::string::npos);
     CHECK(run_program({"atirma_console", "--help"}).exit_code == 0);
 }

@@ -247,7 +247,7 @@ TEST_CASE("console windows: packets are recorded each once, and a file that cann
 TEST_CASE("console windows: snapshots of another thread are shown, and none after the window is gone") {
     desk it(false);
     auto port = std::make_shared<operator_port>();
-    it.window->attach(port);
+    it.window->attach({port});
     std::thread([&] {
         for (int i = 0; i < 50; ++i) {
             it.state.on_telemetry(xbee_path, it.talk.say(at(28.15, -15.45), t0 + i * 1s), t0 + i * 1s);
