@@ -19,11 +19,33 @@ void console_window::recall() {
     if (!kept.geometry.isEmpty()) restoreGeometry(kept.geometry); // moves it onto an existing screen
     if (!kept.split.isEmpty()) split_->restoreState(kept.split);
     if (!kept.tab.isEmpty()) show_tab(kept.tab);
-    if (kept.draft_edited) draft().restore(kept.draft);
+    for (std::size_t boat = 0; boat < desks_.size(); ++boat)
+        if (const auto& of = memory_of(remembered_, boat); of.draft_edited) desks_[boat].draft->restore(of.draft);
     follow_->setChecked(kept.follow);
     chart_->set_follow(kept.follow);
     chart_->set_tail(kept.tail_s);
     if (kept.chart_centre) chart_->place(*kept.chart_centre, kept.metres_per_pixel);
+}
+
+/// The first boat's is that of a console for one boat.
+boat_memory& console_window::memory_of(console_memory& all, std::size_t boat) const {
+    return boat == 0 ? all : all.more_boats[fleet_.name(boat)];
+}
+
+void console_window::keep_boat(std::size_t boat, boat_memory& into) const {
+    const auto& desk = desks_[boat];
+    if (desk.told) {
+        const auto& alarms = fleet_.seen(boat)->alarms;
+        bool settled = now() - began_ > std::chrono::minutes(10); // before that, the cause may not be known yet
+        std::erase_if(into.acknowledged, [&](const auto& kept) {
+            return settled || std::ranges::any_of(alarms, [&](const auto& it) { return it.key == kept.key; });
+        });
+        for (const auto& one : alarms)
+            if (one.acknowledged && into.acknowledged.size() < alarm_book::max_alarms)
+                into.acknowledged.push_back({one.key, one.how});
+    }
+    into.draft_edited = desk.draft->edited();
+    into.draft = desk.draft->edited() ? desk.draft->points() : std::vector<waypoint>();
 }
 
 console_memory console_window::memory() const {
@@ -31,19 +53,7 @@ console_memory console_window::memory() const {
     made.night = options_.night;
     made.red = red_;
     made.shown = shown_units();
-    if (desks_[0].told) {
-        bool settled = now() - began_ > std::chrono::minutes(10); // before that, the cause may not be known yet
-        std::erase_if(made.acknowledged, [&](const auto& kept) {
-            return settled ||
-                   std::ranges::any_of(fleet_.seen(0)->alarms, [&](const auto& it) { return it.key == kept.key; });
-        });
-        for (const auto& one : fleet_.seen(0)->alarms)
-            if (one.acknowledged && made.acknowledged.size() < alarm_book::max_alarms)
-                made.acknowledged.push_back({one.key, one.how});
-    }
-    const auto& draft = *desks_[0].draft; // the file has the first boat's
-    made.draft_edited = draft.edited();
-    made.draft = draft.edited() ? draft.points() : std::vector<waypoint>();
+    for (std::size_t boat = 0; boat < desks_.size(); ++boat) keep_boat(boat, memory_of(made, boat));
     made.geometry = saveGeometry();
     made.split = split_->saveState();
     made.tab = tabs_->currentWidget()->property("tab").toString();

@@ -204,8 +204,8 @@ void console_window::take_snapshot(std::size_t boat, std::shared_ptr<const snaps
     const auto& result = fleet_.seen(boat);
     if (boat == shown_) seen_ = result;
     if (auto& desk = desks_[boat]; result->number > 0 && !desk.told) { // it runs now: pass the saved state on
-        bool remembers = boat == 0 && !remembered_.acknowledged.empty();
-        desk.told = (!remembers || act_(boat, remember_alarms{remembered_.acknowledged})) &&
+        const auto& before = memory_of(remembered_, boat).acknowledged;
+        desk.told = (before.empty() || act_(boat, remember_alarms{before})) &&
                     (remembered_.limits == alarm_limits() || act_(boat, set_limits{remembered_.limits}));
     }
     if (boat != recorded_) return;

@@ -112,6 +112,8 @@ private:
     void show_keys();
     // console_memory.cpp
     void recall();
+    boat_memory& memory_of(console_memory& all, std::size_t boat) const;
+    void keep_boat(std::size_t boat, boat_memory& into) const;
     void keep();
     void set_units(const units& chosen);
     void edit_limits();

@@ -7,6 +7,7 @@
 #include <QFileInfo>
 #include <QSettings>
 #include <QStandardPaths>
+#include <QUrl>
 
 #include <algorithm>
 #include <cmath>
@@ -60,6 +61,36 @@ QString words_of(const waypoint& at) {
     return QStringLiteral("%1 %2").arg(at.latitude_deg, 0, 'f', 8).arg(at.longitude_deg, 0, 'f', 8);
 }
 
+/// `group`: empty for the first boat.
+void read_boat(const QSettings& from, const QString& group, boat_memory& into) {
+    for (const auto& line : from.value(group + "alarms/acknowledged").toStringList()) {
+        auto how = severities.indexOf(line.section(' ', 0, 0));
+        auto key = line.section(' ', 1);
+        if (how < 0 || key.isEmpty() || into.acknowledged.size() >= alarm_book::max_alarms) continue;
+        into.acknowledged.push_back({key.toStdString(), static_cast<severity>(how)});
+    }
+    into.draft_edited = from.value(group + "mission/edited").toBool();
+    for (const auto& line : from.value(group + "mission/waypoints").toStringList())
+        if (auto at = place_of(line); at && into.draft.size() < mission_draft::most) into.draft.push_back(*at);
+}
+
+void write_boat(QSettings& to, const QString& group, const boat_memory& memory) {
+    QStringList alarms, waypoints;
+    for (const auto& one : memory.acknowledged)
+        alarms << name_in(severities, one.how) + " " + QString::fromStdString(one.key);
+    to.setValue(group + "alarms/acknowledged", alarms);
+    to.setValue(group + "mission/edited", memory.draft_edited);
+    for (const auto& at : memory.draft) waypoints << words_of(at);
+    to.setValue(group + "mission/waypoints", waypoints);
+}
+
+constexpr qsizetype max_boats = 100; // that are read
+
+/// A name may have a '/'.
+QString group_of(const std::string& boat) {
+    return "boats/" + QString::fromLatin1(QUrl::toPercentEncoding(QString::fromStdString(boat))) + "/";
+}
+
 } // namespace
 
 QString settings_file::usual() {
@@ -86,15 +117,13 @@ console_memory settings_file::load(QString& trouble) const {
     read_choice(from, "units/distance", made.shown.distance, distances);
     read_choice(from, "units/place", made.shown.place, places);
     read_limits(from, made.limits);
-    for (const auto& line : from.value("alarms/acknowledged").toStringList()) {
-        auto how = severities.indexOf(line.section(' ', 0, 0));
-        auto key = line.section(' ', 1);
-        if (how < 0 || key.isEmpty() || made.acknowledged.size() >= alarm_book::max_alarms) continue;
-        made.acknowledged.push_back({key.toStdString(), static_cast<severity>(how)});
-    }
-    made.draft_edited = from.value("mission/edited").toBool();
-    for (const auto& line : from.value("mission/waypoints").toStringList())
-        if (auto at = place_of(line); at && made.draft.size() < mission_draft::most) made.draft.push_back(*at);
+    read_boat(from, {}, made);
+    from.beginGroup("boats");
+    auto boats = from.childGroups();
+    from.endGroup();
+    for (const auto& boat : boats.mid(0, max_boats))
+        read_boat(from, "boats/" + boat + "/",
+                  made.more_boats[QUrl::fromPercentEncoding(boat.toLatin1()).toStdString()]);
     made.geometry = from.value("window/geometry").toByteArray();
     made.split = from.value("window/split").toByteArray();
     made.tab = from.value("window/tab").toString();
@@ -125,13 +154,8 @@ QString settings_file::save(const console_memory& memory) {
     to.setValue("alarms/off_track_m", limits.off_track_m);
     to.setValue("alarms/modem_hot_c", limits.modem_hot_c);
     to.setValue("alarms/duty_percent", limits.duty_percent);
-    QStringList alarms, waypoints;
-    for (const auto& one : memory.acknowledged)
-        alarms << name_in(severities, one.how) + " " + QString::fromStdString(one.key);
-    to.setValue("alarms/acknowledged", alarms);
-    to.setValue("mission/edited", memory.draft_edited);
-    for (const auto& at : memory.draft) waypoints << words_of(at);
-    to.setValue("mission/waypoints", waypoints);
+    write_boat(to, {}, memory);
+    for (const auto& [name, boat] : memory.more_boats) write_boat(to, group_of(name), boat);
     to.setValue("window/geometry", memory.geometry);
     to.setValue("window/split", memory.split);
     to.setValue("window/tab", memory.tab);

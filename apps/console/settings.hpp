@@ -6,21 +6,30 @@
 #include <QByteArray>
 #include <QString>
 
+#include <map>
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace atirma::console {
 
-/// The settings of the console. Data of the boat are not among them: they are requested again.
-struct console_memory {
+/// What is kept of a boat.
+struct boat_memory {
+    std::vector<acknowledged_alarm> acknowledged;
+    bool draft_edited = false; ///< the list of waypoints was edited and not uploaded
+    std::vector<waypoint> draft;
+    bool operator==(const boat_memory&) const = default;
+};
+
+/// The settings of the console, and what is kept of its (first) boat. Data of the boat are not among them: they are
+/// requested again.
+struct console_memory : boat_memory {
     std::optional<bool> night;
     bool red = false; ///< red night colours
     units shown;
     alarm_limits limits;
-    std::vector<acknowledged_alarm> acknowledged;
-    bool draft_edited = false; ///< the list of waypoints was edited and not uploaded
-    std::vector<waypoint> draft;
-    QByteArray geometry, split; ///< as Qt writes them
+    std::map<std::string, boat_memory> more_boats; ///< of a fleet, by name
+    QByteArray geometry, split;                    ///< as Qt writes them
     QString tab;
     bool follow = true;
     double tail_s = 0;

@@ -132,6 +132,33 @@ TEST_CASE("console fleet: what is entered for one boat does not reach another, a
     CHECK(it.window->shown_boat() == 0);
 }
 
+TEST_CASE("console fleet: edited lists and acknowledged alarms of each boat outlive a restart, apart from each other") {
+    QTemporaryDir folder;
+    auto settings = folder.filePath("console.ini");
+    {
+        fleet_desk it({1280, 800}, settings);
+        it.low_battery();
+        it.show_all();
+        it.other.acknowledge("", it.now);
+        it.show_all();
+        it.window->show_boat(1);
+        it.window->draft().replace({{28.2, -15.4}, {28.3, -15.5}});
+        it.window->close();
+    }
+    fleet_desk it({1280, 800}, settings);
+    CHECK_FALSE(it.window->draft().edited());
+    REQUIRE(it.actions.size() == 1); // to the second boat only
+    REQUIRE(it.last<remember_alarms>());
+    CHECK(it.acted_on.back() == 1);
+    REQUIRE(it.last<remember_alarms>()->before.size() == 1);
+    CHECK(it.last<remember_alarms>()->before[0].key == "battery");
+    it.window->show_boat(1);
+    CHECK(it.window->draft().edited());
+    CHECK(it.window->draft().points().size() == 2);
+    it.window->show_boat(2);
+    CHECK_FALSE(it.window->draft().edited());
+}
+
 TEST_CASE("console fleet: an alarm of a boat that is not shown is told with its name, and acknowledged there") {
     QTemporaryDir folder;
     QFile player(folder.filePath("player"));
