@@ -15,6 +15,7 @@ namespace ise {
 /// an `ise::task` for whoever wants one, which may outlive the publication.
 class [[nodiscard]] send_packet final : public awaiter {
 public:
+    /// @cond
     send_packet(const std::shared_ptr<publication_core>& to, published_packet packet) noexcept
         : to_(to), packet_(std::move(packet)) {}
 
@@ -33,6 +34,7 @@ public:
     void cancel() override {} // the coroutine that waits is on the stack
 
     operator task<>() && { return send_when_room(to_, std::move(packet_)); }
+    /// @endcond
 
 private:
     static task<> send_when_room(std::shared_ptr<publication_core> core, published_packet packet) {
