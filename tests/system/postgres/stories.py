@@ -446,7 +446,7 @@ def story_set_back(folder, shore):
         migrated(shore, server)
         shore.node(1, server.url)
         shore.kept(1, [1, 2, 3])
-        page = shore.asked(1, "track", {})
+        page = until(lambda: len((made := shore.asked(1, "track", {}))["packets"]) == 3 and made, "the packets are shown")
         life = shore.state(1)["store"]
         # As after a restored backup: the last packet is gone, and the timeline is another one.
         server.ask("DELETE FROM atirma.packets WHERE sequence = 3; UPDATE atirma.boats SET head = 2")
@@ -460,7 +460,7 @@ def story_set_back(folder, shore):
         expect("the server was promoted", done.returncode == 0, done.stderr)
         until(lambda: shore.state(1)["store"] != life, "the node notices another life")
         until(lambda: shore.keep(1, [4]).returncode == 0, "and keeps packets")
-        again = shore.asked(1, "track", {"seen": page["seen"]})
+        again = until(lambda: (made := shore.asked(1, "track", {"seen": page["seen"]}))["packets"] and made, "the new one is shown")
         expect("a follower misses nothing", [each["sequence"] for each in again["packets"]] == [4], again)
     finally:
         server.stop()
