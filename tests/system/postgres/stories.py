@@ -306,7 +306,8 @@ def story_killed(folder, shore):
             (server.data / "cluster" / "postmaster.pid").unlink(missing_ok=True)
             server.start()
             until(lambda: not shore.state(1)["trouble"], "the node goes on by itself")
-        expect("all that was acknowledged is there, once", sorted(each for each in shore.track(1) if each < 100_000) == list(range(1, acknowledged + 1)))
+        until(lambda: sorted(each for each in shore.track(1) if each < 100_000) == list(range(1, acknowledged + 1)),
+              "all that was acknowledged is there, once")
         # A server that answers nothing is one that is away.
         server.signal_all(signal.SIGSTOP)
         refused(shore.keep(1, [200_000]), "do not acknowledge")
