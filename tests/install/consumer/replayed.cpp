@@ -14,8 +14,6 @@
 
 using namespace std::chrono_literals;
 
-namespace {
-
 struct fix {
     std::int64_t number = 0;
 };
@@ -24,6 +22,8 @@ struct rudder {
 };
 inline constexpr ise::subscription<fix> fixes{"fixes"};
 inline constexpr ise::subscription<rudder> steering{"steering"};
+
+namespace {
 
 class boat final : public ise::component {
     ise::task<> run() override {
