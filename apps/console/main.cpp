@@ -286,9 +286,9 @@ int main(int count, char** words) {
             if (std::ranges::count(given.spaces, space) > 1)
                 throw ise::error(ise::errc::invalid_argument, fmt::format("--namespace has '{}' twice", space));
         }
-        if (auto count = spaces_of(given).size(); count > max_boats)
+        if (auto named = spaces_of(given).size(); named > max_boats)
             throw ise::error(ise::errc::invalid_argument,
-                             fmt::format("{} boats are given; one console shows {} at most", count, max_boats));
+                             fmt::format("{} boats are given; one console shows {} at most", named, max_boats));
     } catch (const ise::error& why) {
         complain(why.what());
         return 2;
