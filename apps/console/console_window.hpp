@@ -88,7 +88,7 @@ protected:
     void closeEvent(QCloseEvent*) override;
 
 private:
-    /// What is kept of a boat while another one is shown.
+    /// The state of a boat that is kept while another one is shown.
     struct boat_desk {
         std::unique_ptr<mission_draft> draft = std::make_unique<mission_draft>();
         bool told = false; ///< its component has the saved limits and acknowledged alarms

@@ -13,7 +13,7 @@
 
 namespace atirma::console {
 
-/// What is kept of a boat.
+/// The settings that belong to one boat.
 struct boat_memory {
     std::vector<acknowledged_alarm> acknowledged;
     bool draft_edited = false; ///< the list of waypoints was edited and not uploaded

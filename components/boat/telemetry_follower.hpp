@@ -19,7 +19,7 @@ public:
     telemetry_follower(ise::component& self, ise::remote provider, teller tell);
     ~telemetry_follower();
 
-    /// What was told before; to be kept by who wants to go on after a restart. Packets of a node that returned with a
+    /// The packets told so far; keep it to go on after a restart. Packets of a node that returned with a
     /// backup of its disk meanwhile may be told again then: keep a `duplicate_filter` with it.
     track_cursor seen;
     std::optional<utc_time> from; ///< nothing that was measured before is asked for

@@ -75,7 +75,7 @@ public:
     /// Removes what is too old, a few thousand rows at a time; how many it were.
     virtual void tend(std::uint64_t keep_packets, std::uint64_t keep_commands, then<std::int64_t> done) = 0;
 
-    /// What other nodes do to a database that they share.
+    /// Changes that other nodes make to a database that they share.
     struct news {
         std::function<void()> packets;
         std::function<void(const std::vector<command_record>&)> commands;

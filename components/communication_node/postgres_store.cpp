@@ -29,7 +29,7 @@ postgres_value milliseconds(const std::optional<utc_time>& at) {
     return at ? postgres_value(std::to_string(at->time_since_epoch().count())) : std::nullopt;
 }
 
-/// What `use` makes of the rows, or the failure that it throws.
+/// The result of `use` for the rows, or the failure that it throws.
 template <class Use>
 auto used(const postgres_rows& rows, Use& use) -> ise::result<decltype(use(rows))> {
     try {

@@ -13,7 +13,7 @@ using namespace postgres_rows_of;
 
 constexpr std::size_t file_page = 20'000, database_page = 5'000, command_pages = 500;
 
-/// What `work` gives, or the failure that it throws.
+/// The result of `work`, or the failure that it throws.
 template <class Work>
 auto without_throwing(Work work) -> ise::result<decltype(work())> {
     try {

@@ -54,7 +54,7 @@ constexpr std::array<std::string_view, 3> schema{
     "CREATE INDEX packets_at_peer ON packets(peer_position);"
     "CREATE INDEX packets_without_sum ON packets(position) WHERE sum IS NULL"};
 
-/// What `work` gives, or the failure that it throws.
+/// The result of `work`, or the failure that it throws.
 template <class Work>
 auto caught(Work work) -> ise::result<decltype(work())> {
     try {

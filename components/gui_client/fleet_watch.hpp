@@ -45,7 +45,7 @@ public:
     /// The most severe call since the last one; of equal ones that of the first boat. The others count as heard: they
     /// sound at the same time.
     std::optional<fleet_call> next_call();
-    /// What happened to the alarms of all boats since the last call of this, in the order of time.
+    /// The events of the alarms of all boats since the last call of this, in the order of time.
     std::vector<fleet_event> take_events();
     /// The unacknowledged alarms of all boats: the most severe first, of equal ones those of the boat `shown`, then the
     /// newest.

@@ -9,7 +9,7 @@
 /// packet.
 namespace ise::packet_frame {
 
-/// What stands before a packet without a trace.
+/// The size of the head before a packet without a trace.
 inline constexpr std::size_t head_bytes = wire::frame_header::size + 16;
 inline constexpr std::size_t trace_bytes = 24;
 
@@ -47,7 +47,7 @@ inline bool has_trace(const std::byte* frame) noexcept {
 inline trace_id trace_of(const std::byte* frame) noexcept {
     return has_trace(frame) ? read_trace(frame + head_bytes) : trace_id();
 }
-/// What stands before the packet.
+/// The size of the head before the packet.
 inline std::size_t head_size(const std::byte* frame) noexcept {
     return has_trace(frame) ? head_bytes + trace_bytes : head_bytes;
 }

@@ -11,7 +11,7 @@
 
 namespace ise {
 
-/// What `publication::send()` awaits: publishes at once where there is room. The publication outlives it. Converts to
+/// Awaited by `publication::send()`: publishes at once where there is room. The publication outlives it. Converts to
 /// an `ise::task` for whoever wants one, which may outlive the publication.
 class [[nodiscard]] send_packet final : public awaiter {
 public:

@@ -10,7 +10,7 @@
 
 namespace ise {
 
-/// What is known of a packet that belongs to a trace.
+/// The trace of a packet, and when it came.
 struct traced_arrival {
     trace_id trace;
     time_point came{};

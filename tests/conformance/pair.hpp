@@ -80,7 +80,7 @@ public:
     ise::remote there;   ///< the provider, as the requester has it
 };
 
-/// What this build or system lacks for a transport; empty: nothing.
+/// The feature of this build or system that a transport lacks; empty: none.
 template <class World>
 std::string lacking() {
     constexpr auto among = []<class... Others>(std::type_identity<Others>...) {

@@ -54,11 +54,11 @@ public:
     descriptor& operator=(const descriptor&) = delete;
 
     int fd() const noexcept { return fd_.get(); }
-    /// What an event tells; `over`: the end, or an error.
+    /// Handles an event; `over`: the end, or an error.
     struct ready {
         bool to_read, to_write, over;
     };
-    /// What the loop has told, in a turn of it.
+    /// An event of the loop, in a turn of it.
     void on_events(ready what);
     void on_again();
 

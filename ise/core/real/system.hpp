@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-// What else the environment asks the operating system: linux/, windows/.
+// Other questions of the environment to the operating system: linux/, windows/.
 namespace ise::real {
 
 process_identity this_process();

@@ -28,7 +28,7 @@ std::error_code last_or_would_block() noexcept {
     return last_system_error();
 }
 
-// What a call returned that reads or writes; empty: it was interrupted.
+// The outcome of a call that reads or writes; empty: it was interrupted.
 std::optional<transfer> outcome_of(std::ptrdiff_t count) noexcept {
     if (count >= 0) return transfer{{}, static_cast<std::size_t>(count)};
     if (errno == EINTR) return std::nullopt;
