@@ -313,12 +313,13 @@ TEST_CASE("access: doctor and list say whose policy cannot be used, why, and whi
     CHECK(hash.size() == 16);
 
     there.write_policy("garbage [[");
-    json finding; // all read the file again within 5 s, each at its own time; the limit of the test ends this
-    while (finding.is_null()) {
+    json output; // all read the file again within 5 s; the limit of the test ends this
+    do {
         auto ran = there.ise("ana", {"doctor", "--interval", "10ms", "--json"});
-        for (const auto& one : json::parse(ran.out)["findings"])
-            if (one["kind"] == "policy_unusable" && one["component"] == "ise/name_server") finding = one;
-    }
+        output = json::parse(ran.out);
+    } while (output["findings"].empty() || output["findings"][0]["kind"] != "policy_unusable");
+    const auto& finding = output["findings"][0];
+    CHECK(finding["component"] == "ise/name_server");
     CHECK_THAT(finding["message"].get<std::string>(),
                Contains("the access policy cannot be used") && Contains(hash) && Contains("access.toml:1:"));
     CHECK_THAT(finding["advice"].get<std::string>(), Contains("ise access check FILE"));
