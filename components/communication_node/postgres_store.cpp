@@ -107,7 +107,7 @@ void postgres_store::greet() {
                 refusal_ = good.error();
                 return client_.drop(*refusal_);
             }
-            // Whatever the server's default: what is acknowledged is on its disk.
+            // Acknowledged data are on the server's disk, whatever its default.
             client_.query("SELECT set_config('synchronous_commit', CASE current_setting('synchronous_commit') WHEN "
                           "'off' THEN 'on' ELSE current_setting('synchronous_commit') END, false)",
                           {}, [](ise::result<postgres_rows>) {});

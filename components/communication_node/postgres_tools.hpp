@@ -16,7 +16,7 @@ namespace atirma {
 /// Makes the tables, or brings them to this program's version; each step is a transaction. Nodes may run meanwhile.
 ise::result<std::string> migrate_database(const std::string& url);
 
-/// What is sound in a file goes to the boat's rows; packets and telecommands that are there already stay as they are.
+/// Copies the sound rows of a file to the boat's rows; packets and telecommands that are there already stay the same.
 ise::result<std::string> import_store(const std::string& file, const std::string& url, const std::string& boat);
 /// The boat's rows go to a file, which is made if it is not there, in the order of the store.
 ise::result<std::string> export_store(const std::string& url, const std::string& boat, const std::string& file);

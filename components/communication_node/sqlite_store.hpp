@@ -10,7 +10,7 @@
 
 namespace atirma {
 
-/// What a communication node must not lose, in one SQLite file: packets, telecommands, who has the authority, and how
+/// The data that a communication node must not lose, in one SQLite file: packets, telecommands, the authority, and how
 /// far the other node's store is known. A packet is its boot, sequence, time and content. Packets are numbered 1, 2, 3…
 /// in the order in which they came to this disk, and know their number at the other node. What a call returned success
 /// for is on the disk. Used by one component, on its loop. Errors of everything: io_failed with what the disk says;
@@ -61,12 +61,12 @@ public:
     const store_part& peer() const noexcept { return peer_.now; } ///< known of it
     /// The same by the numbers of its last lives, the newest first: what to ask it with.
     std::vector<store_part> known_of_peer() const;
-    /// What the other node, whose store is `asker`, is told that has everything up to those positions.
+    /// The next page for the other node, whose store is `asker` and which has everything up to those positions.
     ise::result<replication_page> page_after(std::uint64_t asker, std::uint64_t packets, std::uint64_t commands,
                                              std::size_t most);
-    /// What the other node told, and which of its telecommands are news: all of it, or nothing. What is known of its
-    /// store beyond `page.after` is forgotten. Gives how many packets were fresh. Errors: also protocol_error (the page
-    /// does not follow what is known).
+    /// Takes a page of the other node, and says which of its telecommands are news: all of it, or nothing. Knowledge of
+    /// its store beyond `page.after` is forgotten. Gives how many packets were fresh. Errors: also protocol_error (the
+    /// page does not follow what is known).
     ise::result<std::uint32_t> apply(const replication_page& page, std::span<const command_record> news,
                                      bool authority_is_news);
 

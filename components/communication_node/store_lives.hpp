@@ -23,8 +23,8 @@ struct store_lives {
         auto at = std::ranges::find(over, number, &store_part::store);
         return at == over.end() ? nullptr : &*at;
     }
-    /// What of that is certainly still here, by the number of this life: nothing of a life that is unknown, and of one
-    /// that went on elsewhere only what came before the store was set back.
+    /// The part of it that is certainly still here, by the number of this life: nothing of an unknown life, and of one
+    /// that went on elsewhere only the rows from before the store was set back.
     store_part shared(const store_part& known) const {
         store_part made;
         made.store = now.store;

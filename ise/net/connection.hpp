@@ -129,11 +129,11 @@ public:
     const connection_counts& counts() const noexcept { return counts_; }
     /// Whether published packets carry their time.
     bool tells_stamps() const noexcept { return terms_.features & wire::feature::stamps; }
-    /// Whether deadlines are told as times of the receiver's clock.
     /// Whether both sides know traces of 128 bits.
     bool tells_traces() const noexcept { return terms_.features & wire::feature::traces; }
     /// Whether both sides know traces of published packets.
     bool tells_packet_traces() const noexcept { return terms_.features & wire::feature::packet_traces; }
+    /// Whether deadlines are told as times of the receiver's clock.
     bool tells_clock() const noexcept { return terms_.features & wire::feature::clock; }
     /// The last measured round trip of a heartbeat; zero before the first.
     duration round_trip() const noexcept { return alive_.round_trip(); }

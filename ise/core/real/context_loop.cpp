@@ -31,7 +31,7 @@ public:
         name_thread(thread_, name);
     }
 
-    // What was posted since holds parts of the loop: the context goes before it.
+    // Work that was posted since holds parts of the loop: the context goes first.
     ~context_loop() override {
         end();
         context_.reset();

@@ -1,4 +1,4 @@
-// What the real environment has on Linux and not on Windows.
+// The parts of the real environment that Windows lacks.
 #include <ise/core/real/sockets.hpp>
 
 #include <fmt/format.h>
