@@ -108,6 +108,7 @@ set(units "${PROJECT_SOURCE_DIR}/apps/systemd")
 install(FILES "${units}/ise-name-server.service" "${units}/ise-instantiation-server.service" DESTINATION lib/systemd/system
   COMPONENT tools EXCLUDE_FROM_ALL)
 install(FILES "${units}/ise.sysusers" DESTINATION lib/sysusers.d RENAME ise.conf COMPONENT tools EXCLUDE_FROM_ALL)
+install(PROGRAMS "${PROJECT_SOURCE_DIR}/apps/pacemaker/component" DESTINATION lib/ocf/resource.d/ise COMPONENT tools EXCLUDE_FROM_ALL)
 install(FILES "${units}/ise-page.service" DESTINATION lib/systemd/system COMPONENT atirma EXCLUDE_FROM_ALL)
 # Whoever installs the middleware does not want a boat: `cmake --install` leaves it out.
 if(ISE_BUILD_APPS)

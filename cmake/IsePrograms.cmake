@@ -1,10 +1,17 @@
-# ise_install_program(target [COMPONENT name])
-# Installs a program into bin/; one with a COMPONENT only with its package. The property ISE_INSTALLED_PROGRAMS lists them all.
+# ise_install_program(target DESCRIPTION text [COMPONENT name])
+# Installs a program into bin/; one with a COMPONENT only with its package. The property ISE_INSTALLED_PROGRAMS lists them all; the
+# packages have a manual page of each, with its DESCRIPTION.
 function(ise_install_program target)
-  cmake_parse_arguments(arg "" "COMPONENT" "" ${ARGN})
+  cmake_parse_arguments(arg "" "COMPONENT;DESCRIPTION" "" ${ARGN})
   if(NOT ISE_INSTALL OR ISE_FETCHED)
     return()
   endif()
+  if(NOT arg_COMPONENT)
+    set(component tools)
+  else()
+    set(component ${arg_COMPONENT})
+  endif()
+  set_target_properties(${target} PROPERTIES ISE_PACKAGE ${component} ISE_DESCRIPTION "${arg_DESCRIPTION}")
   set_property(GLOBAL APPEND PROPERTY ISE_INSTALLED_PROGRAMS ${target})
   if(arg_COMPONENT)
     install(TARGETS ${target} RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}" COMPONENT ${arg_COMPONENT} EXCLUDE_FROM_ALL)

@@ -35,6 +35,24 @@ bool unsettled(const deployment::deployment& of, const std::vector<deployment::h
     return false;
 }
 
+deployment::wanted_host& host_of(deployment::deployment& of, const std::string& name) {
+    std::vector<std::string> names;
+    for (auto& one : of.hosts) {
+        if (one.name.text == name) return one;
+        names.push_back(one.name.text);
+    }
+    throw problem(exit_code::usage, "usage",
+                  fmt::format("--move-from: the file has no host '{}'; there {} {}", printable(name),
+                              names.size() == 1 ? "is" : "are", fmt::join(names, ", ")));
+}
+
+/// HOST=OTHER: the instantiation server of OTHER takes the components of HOST, and that of HOST is not asked.
+void move_host(deployment::deployment& of, const std::string& text) {
+    auto [from, to] = name_and_value(text, "--move-from", "HOST=OTHER");
+    auto server = host_of(of, to).server;
+    host_of(of, from).server = std::move(server);
+}
+
 task<result<deployment::host_state>> ask_host(context& in, host_server host) {
     deployment::host_state made;
     made.server = host.name;
@@ -60,7 +78,10 @@ deployment::reading read_what_there_is(environment& env, const deployment_option
     deployment::settings given;
     for (const auto& text : options.set) given.push_back(name_and_value(text, "--set"));
     auto read = [&](const std::string& path) { return env.read_file(path, max_file_bytes); };
-    return deployment::read_deployment(options.file, read, given);
+    auto parsed = deployment::read_deployment(options.file, read, given);
+    if (parsed.problems.empty())
+        for (const auto& text : options.move) move_host(parsed.made, text);
+    return parsed;
 }
 
 deployment::deployment read_file(context& in, const deployment_options& options) {
@@ -129,6 +150,8 @@ task<> check_starts(context& in, const deployment::deployment& wanted, fleet& of
 void add_file(CLI::App& app, deployment_options& into) {
     app.add_option("FILE", into.file, "a deployment file (docs/deployment.md)")->required();
     add_each(app, "--set,-s", into.set, "a variable of the file; several are allowed");
+    add_each(app, "--move-from", into.move, "HOST is gone for good: its components run on OTHER; several are allowed",
+             "HOST=OTHER");
 }
 
 } // namespace ise::cli

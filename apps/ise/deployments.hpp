@@ -15,10 +15,11 @@ struct deployment_options {
     std::string file;
     std::vector<std::string> only; ///< components of the file; none: all
     std::vector<std::string> set;  ///< variables of the file: NAME=VALUE
+    std::vector<std::string> move; ///< HOST=OTHER: what the file places on the one runs on the other
     bool keep = false;             ///< of an `up` that fails: what it did is not undone
     bool offline = false;          ///< nobody is asked
 };
-/// FILE and `--set`.
+/// FILE, `--set` and `--move-from`.
 void add_file(CLI::App& app, deployment_options& into);
 
 /// The instantiation servers that are there, with what they tell.

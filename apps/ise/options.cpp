@@ -81,10 +81,11 @@ CLI::Option* add_each(CLI::App& app, const std::string& name, std::vector<std::s
     return app.add_option(name, into, description)->type_name(type)->allow_extra_args(false);
 }
 
-std::pair<std::string, std::string> name_and_value(const std::string& text, std::string_view option) {
+std::pair<std::string, std::string> name_and_value(const std::string& text, std::string_view option,
+                                                   std::string_view type) {
     auto equals = text.find('=');
     if (equals == 0 || equals == std::string::npos)
-        throw problem(exit_code::usage, "usage", fmt::format("{} takes NAME=VALUE, not '{}'", option, text));
+        throw problem(exit_code::usage, "usage", fmt::format("{} takes {}, not '{}'", option, type, text));
     return {text.substr(0, equals), text.substr(equals + 1)};
 }
 

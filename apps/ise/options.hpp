@@ -26,7 +26,8 @@ CLI::Option* add_time(CLI::App& app, const std::string& name, std::optional<dura
 CLI::Option* add_each(CLI::App& app, const std::string& name, std::vector<std::string>& into,
                       const std::string& description, const std::string& type = "NAME=VALUE");
 /// The parts of such a text; problem(usage) that names the option.
-std::pair<std::string, std::string> name_and_value(const std::string& text, std::string_view option);
+std::pair<std::string, std::string> name_and_value(const std::string& text, std::string_view option,
+                                                   std::string_view type = "NAME=VALUE");
 /// As CLI::IsMember, for people: "'tcsh' is none of bash, zsh, fish".
 CLI::Validator one_of(std::vector<std::string> choices);
 

@@ -4,6 +4,8 @@
 
 #include <system/instantiation/host.hpp>
 
+#include <csignal>
+
 using namespace deployment_test;
 using Catch::Contains;
 using host_test::marked;
@@ -61,4 +63,30 @@ TEST_CASE("what a killed instantiation server had started is not told to be down
     in.done({"down", file});
     CHECK(marked().empty());
     CHECK(in.left_behind().empty());
+}
+
+TEST_CASE("the components of a host that is gone for good are moved to another one") {
+    two_hosts in;
+    auto file = in.file("sea.toml", both);
+    in.up(file);
+    auto lost = in.state("sea/one")["process_id"].get<int>();
+    auto kept = in.state("sea/two")["process_id"].get<int>();
+    in.crash("boat");
+    REQUIRE(lost > 1);
+    ::kill(lost, SIGKILL);
+    forget_host(in, "boat");
+    auto without = in.ise({"up", file});
+    CHECK(without.exit_code == 2);
+    CHECK_THAT(without.err, Contains("no instantiation server 'boat' is registered"));
+    CHECK_THAT(in.ise({"up", file, "--move-from", "bota=shore"}).err,
+               Contains("--move-from: the file has no host 'bota'; there are boat, shore"));
+    CHECK_THAT(in.ise({"up", file, "--move-from", "boat=shroe"}).err, Contains("the file has no host 'shroe'"));
+    CHECK_THAT(in.ise({"up", file, "--move-from", "boat"}).err, Contains("--move-from takes HOST=OTHER"));
+    auto text = in.up(file, {"--move-from", "boat=shore"});
+    CHECK_THAT(text, Contains("start sea/one on shore") && Contains("sea is up: 2 components, 1 step"));
+    CHECK(in.state("sea/one")["host"] == "shore");
+    CHECK(in.state("sea/two")["process_id"].get<int>() == kept);
+    CHECK_THAT(in.up(file, {"--move-from", "boat=shore"}), Contains("nothing to do"));
+    in.done({"down", file, "--move-from", "boat=shore"});
+    CHECK(marked().empty());
 }
