@@ -1,12 +1,18 @@
 // The two ends of a sealed channel, each of which gets flights, sealed datagrams and signs that are changed as the
 // input says: whatever comes, nothing counts that the other end has not made, and true datagrams are taken as before.
+// The first byte chooses how the two know each other: by the shared key or by certificates.
+// link: OpenSSL::Crypto
+// source: tests/support/authority.cpp
 #include <fuzz/input.hpp>
 #include <ise/core/buffer.hpp>
+#include <ise/sim/world.hpp>
 #include <ise/transport/shared_key.hpp>
+#include <ise/transport/tls/identity.hpp>
 #include <ise/transport/udp/seal.hpp>
 #include <ise/wire/datagram.hpp>
 #include <ise/wire/frame.hpp>
 #include <ise/wire/sealed_datagram.hpp>
+#include <support/authority.hpp>
 
 #include <algorithm>
 #include <cstdio>
@@ -45,6 +51,33 @@ ise::bytes changed(fuzz_input& by, ise::bytes from, std::size_t begin) {
     return from;
 }
 
+/// Makes ends by certificates, of hosts on the virtual clock.
+class certified {
+public:
+    std::unique_ptr<seal> make(bool calls, key_life life) {
+        auto& of = calls ? shore_ : boat_;
+        return seal::make(of.identity, *of.env, calls ? "boat" : "", life);
+    }
+
+private:
+    struct side {
+        ise::environment* env;
+        std::shared_ptr<ise::net::tls::identity> identity;
+    };
+    side on(const std::string& name) {
+        auto& host = world_.host(name);
+        auto& process = host.start_process(name);
+        auto folder = signer_.issue(name);
+        for (const char* file : {"ca.pem", "certificate.pem", "key.pem"})
+            host.write_file(std::string("tls/") + file, ise_test::read_all(folder / file));
+        return {&process, ise::net::tls::identity::load(process, "tls").value()};
+    }
+
+    ise::sim::world world_{1};
+    ise_test::authority signer_;
+    side shore_ = on("shore"), boat_ = on("boat");
+};
+
 std::vector<ise::bytes> flight_of(const seal& of) { return {of.flight().begin(), of.flight().end()}; }
 
 ise::bytes made_by(seal& by, std::uint64_t number) {
@@ -72,10 +105,18 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (size < 2 || size > 4096) return 0;
     fuzz_input input{ise::bytes_view(reinterpret_cast<const std::byte*>(data), size)};
     static const auto key = ise::shared_key::make(std::string(64, 'k'), "a test").value();
+    static certified ends;
+    bool certificates = input.next() % 2 == 1;
+    auto make = [&](bool calls, key_life life) {
+        return certificates ? ends.make(calls, life) : seal::make(key, calls, life);
+    };
     key_life life;
     life.datagrams = 4;
+    auto hear = [](seal& by, const seal& of) {
+        for (const auto& part : flight_of(of)) by.take_flight(part);
+    };
     { // Changed flights, to each end: it may end the handshake, but makes no session.
-        auto caller = seal::make(key, true), called = seal::make(key, false);
+        auto caller = make(true, life), called = make(false, life);
         for (int at = input.next() % 8; at > 0; --at) {
             auto flight = flight_of(*caller);
             auto bad = changed(input, flight.empty() ? ise::bytes(3) : flight.front(), 0);
@@ -85,10 +126,26 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         }
         must(!called->sealed(), "a session of changed flights");
     }
-    auto caller = seal::make(key, true, life), called = seal::make(key, false, life);
-    for (const auto& part : flight_of(*caller)) called->take_flight(part);
-    for (const auto& part : flight_of(*called)) caller->take_flight(part);
-    for (const auto& part : flight_of(*caller)) called->take_flight(part);
+    { // One part of a true handshake is changed: where there is a session nevertheless, it is that of the two.
+        auto caller = make(true, life), called = make(false, life);
+        int bad = input.next() % 8, part_number = 0;
+        auto hear_one_changed = [&](seal& by, const seal& of) {
+            for (const auto& part : flight_of(of))
+                by.take_flight(part_number++ == bad ? changed(input, part, input.next() % 4) : part);
+        };
+        for (int turn = 0; turn < 2; ++turn) {
+            hear_one_changed(*called, *caller);
+            hear_one_changed(*caller, *called);
+        }
+        if (called->sealed()) {
+            must(caller->sealed(), "the side that was called has a session alone");
+            must(opens(*called, made_by(*caller, 0)), "two sessions of one handshake");
+        }
+    }
+    auto caller = make(true, life), called = make(false, life);
+    hear(*called, *caller);
+    hear(*caller, *called);
+    hear(*called, *caller);
     must(caller->sealed() && called->sealed(), "no session of true flights");
     std::uint64_t number = 0;
     while (!input.left.empty() && number < 200) {
