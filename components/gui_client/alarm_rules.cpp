@@ -87,10 +87,10 @@ void watch_links(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
     const auto& limits = causes.limits;
     const auto& boat = causes.boat;
     const auto& finding = causes.finding;
-    alarms.set(
-        "names", finding.uses_names && !finding.reached && !finding.trouble.empty(), severity::notice,
-        fmt::format("The name server at {} is not reached; components found before stay connected", finding.where),
-        now);
+    alarms.set("names", finding.uses_names && !finding.reached && !finding.trouble.empty(), severity::notice,
+               fmt::format("The name server at {} is not reached; components found before stay connected ({})",
+                           finding.where, finding.trouble),
+               now);
     for (const auto& [path, link] : causes.links) {
         if (link.all_links) continue; // the nodes have rules of their own
         auto name = label(link);

@@ -8,14 +8,27 @@
 namespace ise::deployment {
 namespace {
 
-constexpr std::string_view mark = "{n}";
+constexpr std::string_view mark_begin = "{n";
 
-void put_in(std::string& text, const std::string& number) {
-    for (std::size_t at = 0; (at = text.find(mark, at)) != std::string::npos; at += number.size())
-        text.replace(at, mark.size(), number);
+/// Where a mark begins: {n}, {nn}, {nnn}…, with a letter for each digit that there is at least.
+std::size_t find_mark(std::string_view text, std::size_t from) {
+    for (; (from = text.find(mark_begin, from)) != text.npos; ++from) {
+        auto end = text.find_first_not_of('n', from + 1);
+        if (end != text.npos && text[end] == '}') return from;
+    }
+    return text.npos;
 }
 
-void put_in(value& into, const std::string& number) {
+void put_in(std::string& text, std::int64_t number) {
+    for (std::size_t at = 0; (at = find_mark(text, at)) != std::string::npos;) {
+        auto length = text.find('}', at) + 1 - at;
+        auto digits = fmt::format("{:0{}}", number, length - 2);
+        text.replace(at, length, digits);
+        at += digits.size();
+    }
+}
+
+void put_in(value& into, std::int64_t number) {
     if (into.is == value::kind::text) put_in(into.text, number);
     for (auto& one : into.items) put_in(one, number);
     for (auto& one : into.entries) put_in(one.what, number);
@@ -52,7 +65,7 @@ void make_copies(value& root, std::vector<problem>& problems) {
                                          max_components, first->integer, last->integer)});
             continue;
         }
-        if (one.key.find(mark) == std::string::npos) {
+        if (find_mark(one.key, 0) == std::string::npos) {
             problems.push_back({one.at, fmt::format("component '{}' has copies of one name: write {{n}} for the number",
                                                     one.key.substr(0, 200))});
             continue;
@@ -61,8 +74,8 @@ void make_copies(value& root, std::vector<problem>& problems) {
         std::erase_if(one.what.entries, [](const entry& key) { return key.key == "copies"; });
         for (auto number = numbers.first; number <= numbers.second; ++number) {
             auto copy = one;
-            put_in(copy.key, std::to_string(number));
-            put_in(copy.what, std::to_string(number));
+            put_in(copy.key, number);
+            put_in(copy.what, number);
             made.push_back(std::move(copy));
         }
     }

@@ -2,6 +2,7 @@
 #include "harbour.hpp"
 
 #include <components/boat/communication.hpp>
+#include <components/gui_client/gui_client.hpp>
 
 #include <ise/component/parameter_services.hpp>
 #include <ise/instantiation/services.hpp>
@@ -12,6 +13,7 @@
 #include <limits>
 #include <optional>
 #include <pwd.h>
+#include <thread>
 #include <unistd.h>
 #include <utility>
 
@@ -293,6 +295,37 @@ TEST_CASE("access: the page of a healthy A-Tirma gets what it shows and is refus
     } while (used.find("communication_state") == used.npos);
     CHECK_THAT(used, Contains("telemetry"));
     for (const auto& line : shore.audit_of(web_identity)) {
+        INFO(line.dump());
+        CHECK(line.at("verdict") == "allowed");
+    }
+}
+
+TEST_CASE("access: an operator's console follows the boat, commands it, and is refused nothing") {
+    atirma_shore shore;
+    ise::real_environment world;
+    ise::node node(world, shore.node_of("ana"));
+    atirma::console::gui_client_options options;
+    options.name_servers = {ise::endpoint::parse(shore.name_server()).value()};
+    node.start<atirma::console::gui_client>("atirma/console/ana", ise::component_options(), options);
+    // The limit of the test ends these.
+    auto wait_for = [&](auto holds) {
+        while (!holds(*options.port->latest())) std::this_thread::sleep_for(20ms);
+    };
+    wait_for([](const auto& seen) {
+        return seen.boat.position && seen.authority.known && std::ranges::any_of(seen.links, [](const auto& link) {
+                   return link.path == "atirma/shore/xbee" && link.connected && link.xbee;
+               });
+    });
+    atirma::console::give_command ping;
+    ping.command = atirma::boat_command(atirma::command_kind::ping);
+    ping.authority = atirma::console::taking::if_free;
+    REQUIRE(options.port->act(ping));
+    wait_for([](const auto& seen) {
+        return std::ranges::any_of(*seen.commands, [](const auto& one) { return one.own && one.executed_at; });
+    });
+    node.stop();
+    node.wait();
+    for (const auto& line : shore.audit_of("ise://atirma/operator/ana")) {
         INFO(line.dump());
         CHECK(line.at("verdict") == "allowed");
     }

@@ -32,23 +32,22 @@ struct harbour : two_hosts {
     }
 
     asio::io_context context;
-    std::array<unsigned short, 5> ports{}; ///< on which nobody listens
+    std::array<unsigned short, 6> ports{}; ///< on which nobody listens
 
     /// The demo, with something else laid over it. The second host plays both of the shore's.
-    std::string demo(const std::string& name, const std::string& over = "") {
+    std::string demo(const std::string& name, const std::string& over = "", const std::string& of = "atirma") {
         file("base.toml",
-             fmt::format("include = '" ISE_SOURCE_DIR "/apps/atirma/atirma.toml'\n[variables]\nfolder = '{}'\n"
+             fmt::format("include = '" ISE_SOURCE_DIR "/apps/atirma/{}.toml'\n[variables]\nfolder = '{}'\n"
                          "page = {}\ngprs = {}\ncarrier = {}\nhook = {}\ngateway = {}\nspeedup = 20\n"
                          "[hosts.shore-1]\nserver = 'shore'\n[hosts.shore-2]\nserver = 'shore'\n"
                          "[defaults]\nready-within = '120s'\n",
-                         (folder() / "ports").string(), ports[0], ports[1], ports[2], ports[3], ports[4]));
+                         of, (folder() / "ports").string(), ports[0], ports[1], ports[2], ports[3], ports[4]));
         return file(name, "include = 'base.toml'\n" + over);
     }
     int pid(const std::string& path) { return state(path)["process_id"]; }
-    /// Waits until telemetry that is new comes over the radio.
-    void hears_the_boat() {
-        auto heard =
-            json_of({"--wait", "--timeout", "240s", "echo", "atirma/shore/xbee", "telemetry", "--no-last", "-n", "1"});
+    /// Waits until telemetry that is new comes over a link, else the radio.
+    void hears_the_boat(const std::string& by = "atirma/shore/xbee") {
+        auto heard = json_of({"--wait", "--timeout", "240s", "echo", by, "telemetry", "--no-last", "-n", "1"});
         CHECK(heard.is_object());
     }
     json truth() {
@@ -142,4 +141,24 @@ TEST_CASE("kill -9 of any process of the demo heals as its policy says") {
     in.done({"down", file});
     CHECK(marked().empty());
     CHECK(in.left_behind().empty());
+}
+
+TEST_CASE("a fleet comes up from its file, and each boat is heard over each of its links") {
+    harbour in;
+    for (const char* boat : {"boat-2", "boat-3"})
+        REQUIRE(ise_test::run_program(
+                    {"atirma", "keys", "new", (in.folder() / "ports" / boat).string() + ".key", "--boat", boat})
+                    .exit_code == 0);
+    auto file = in.demo("fleet.toml",
+                        fmt::format("[variables]\nboats = 3\nfleet = {}\niridium-period = 10\nfleet-key = '{}'\n",
+                                    in.ports[5], (in.folder() / "ports" / "boat-{n}.key").string()),
+                        "fleet");
+    in.up(file);
+    for (const char* boat : {"atirma", "boat-2", "boat-3"})
+        for (const char* link : {"xbee", "gprs", "iridium"}) {
+            INFO(boat << " over " << link);
+            in.hears_the_boat(fmt::format("{}/shore/{}", boat, link));
+        }
+    in.done({"down", file});
+    CHECK(marked().empty());
 }

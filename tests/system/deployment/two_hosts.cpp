@@ -76,6 +76,8 @@ void two_hosts::open(const std::string& host) {
                                    (folder_ / "ports").string(),
                                    "--allow-host",
                                    "127.0.0.1"};
+    for (const char* of_another_boat : {"127.0.0.2", "127.0.0.3"})
+        words.insert(words.end(), {"--allow-host", of_another_boat, "--allow-address", of_another_boat});
     if (!std::getenv("ISE_TEST_LOG")) words.insert(words.end(), {"--log-level", "error"});
     if (apart_) {
         auto port = port_of(host);

@@ -108,7 +108,7 @@ const std::vector<row>& matrix() {
         {recorder, false, "status", ""},
         {foxglove, false, "status", ""},
         {foxglove, true, "published", ""},
-        {fleet, true, "gprs_gateway_state", ""}, // of apps/atirma/fleet.toml
+        {fleet, true, "gprs_gateway_state", "o"}, // of apps/atirma/fleet.toml
         // Of ISE itself; what every component has comes below.
         {names, false, "ise.names.register", "wosb"},
         {names, false, "ise.names.renew", "wosb"},
@@ -171,6 +171,14 @@ std::vector<row> own_rows() {
 std::vector<row> whole_matrix() {
     auto all = matrix();
     for (auto& one : own_rows()) all.push_back(std::move(one));
+    // The components of another boat of a fleet, by the same rules.
+    for (std::size_t at = 0, count = all.size(); at < count; ++at) {
+        auto other = all[at];
+        for (auto& title : other.titles)
+            if (title.starts_with("atirma/")) title.replace(0, 6, "boat-12");
+        if (other.titles != all[at].titles && other.titles != std::vector<std::string>{"boat-12/gprs"})
+            all.push_back(std::move(other));
+    }
     return all;
 }
 
@@ -285,6 +293,10 @@ TEST_CASE("access: in A-Tirma's policy the web host starts, stops, sets and is n
          {"atirma/shore/xbee", "atirma/boat", "ise/name_server", "ise/host/shore", "atirma/operators/x"})
         CHECK_FALSE(may(action::name, web, path));
     CHECK(may(action::name, web, "atirma/page"));
+    for (const char* path : {"atirma/console/ana", "boat-2/console/ana", "atirma/operators/ana"}) {
+        CHECK(may(action::name, "ise://atirma/operator/ana", path));
+        CHECK_FALSE(may(action::name, web, path));
+    }
     CHECK(may(action::start, "ise://atirma/operator/ana", "atirma/shore/xbee"));
     CHECK(may(action::role, "ise://atirma/shore", "atirma/communication", {}, 100));
     CHECK_FALSE(may(action::role, "ise://atirma/shore", "atirma/communication", {}, 101));

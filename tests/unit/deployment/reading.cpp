@@ -5,6 +5,7 @@
 
 #include <fstream>
 #include <iterator>
+#include <map>
 #include <test_folders.hpp>
 
 namespace reading_test {
@@ -65,7 +66,7 @@ copies = { first = 2, last = "${boats}" }
 namespace = ""
 type = "t"
 after = ["boat-{n}/shore"]
-parameters = { id = "boat-{n}", seed = "{n}", list = ["a-{n}"] }
+parameters = { id = "boat-{n}", seed = "{n}", list = ["a-{n}"], digits = "1{nnn}{n}{nx}" }
 [components."boat-{n}/shore"]
 copies = { first = 2, last = "${boats}" }
 type = "t"
@@ -79,9 +80,10 @@ type = "t"
     CHECK(made.components[4].request.path == "atirma/boat-3/shore");
     REQUIRE(last.after->size() == 1);
     CHECK(last.after->front().text == "boat-3/shore");
-    REQUIRE(last.parameters.size() == 3);
-    for (const auto& [name, values] : last.parameters)
-        CHECK(values.front().text == (name.text == "id" ? "boat-3" : name.text == "seed" ? "3" : "a-3"));
+    std::map<std::string, std::string> given;
+    for (const auto& [name, values] : last.parameters) given[name.text] = values.front().text;
+    CHECK(given == std::map<std::string, std::string>{
+                       {"id", "boat-3"}, {"seed", "3"}, {"list", "a-3"}, {"digits", "10033{nx}"}});
 
     auto wrong = [](const std::string& key, const std::string& copies) {
         return at_sea("[components." + key + "]\ntype='t'\nhost='boat'\ncopies = " + copies + "\n").wrong();
