@@ -206,7 +206,19 @@ BEGIN
 END $$;
 )sql";
 
-inline constexpr std::array<std::string_view, 1> scripts{first};
+// Whether there is room for packets again: a file has to grow for it, and the log of the server.
+inline constexpr std::string_view second = R"sql(
+CREATE TABLE atirma.probe(filler text NOT NULL);
+ALTER TABLE atirma.probe ALTER filler SET STORAGE PLAIN;
+CREATE FUNCTION atirma.probe() RETURNS void LANGUAGE plpgsql AS $$
+BEGIN
+  TRUNCATE atirma.probe;
+  INSERT INTO atirma.probe SELECT repeat('x', 7000) FROM generate_series(1, 32);
+  TRUNCATE atirma.probe;
+END $$;
+)sql";
+
+inline constexpr std::array<std::string_view, 2> scripts{first, second};
 inline constexpr std::int64_t version = scripts.size();
 
 } // namespace atirma::postgres_schema

@@ -70,6 +70,10 @@ void type_description::complete() noexcept {
             break;
         default: min_size = size_of(kind); fixed_size = true;
     }
+    any_bytes =
+        fixed_size && (min_size == 0 || (kind != type_kind::boolean &&
+                                         std::all_of(members.begin(), members.end(),
+                                                     [](const type_member& one) { return one.type.any_bytes; })));
 }
 
 } // namespace ise

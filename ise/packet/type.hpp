@@ -64,6 +64,7 @@ struct type_description {
     // Computed by complete():
     std::uint64_t min_size = 0; ///< the fewest bytes that a value takes
     bool fixed_size = false;    ///< every value takes min_size bytes
+    bool any_bytes = false;     ///< and any min_size bytes are a value
 
     /// Computes the sizes from the members', which are complete already.
     void complete() noexcept;

@@ -1,19 +1,12 @@
 #include <ise/service/dynamic.hpp>
 
-#include <ise/core/use_task.hpp>
+#include <ise/service/fitted_bytes.hpp>
 #include <ise/service/peer_channel.hpp>
 
 #include <fmt/format.h>
 
 namespace ise {
 namespace {
-
-// The request's bytes as the service has them.
-bytes fitted(const dynamic_packet& request, const schema& wanted) {
-    auto given = request.encoded();
-    if (request.type().fingerprint() == wanted.fingerprint()) return bytes(given.begin(), given.end());
-    return adapt(request.type(), wanted, given);
-}
 
 std::optional<failure> check_kind(const remote& provider, const dynamic_contract& service, service_kind wanted) {
     if (service.kind() == wanted) return std::nullopt;
@@ -34,27 +27,34 @@ result<dynamic_packet> response_of(const call_outcome& outcome, const schema& ty
     }
 }
 
-// `service` is kept by whoever waits.
-auto submit(std::shared_ptr<peer_channel> to, std::string_view service, std::shared_ptr<const packet_types> types,
-            bytes request, duration deadline) {
-    return asio::async_initiate<const use_task_t, void(result<dynamic_packet>)>(
-        [](auto handler, std::shared_ptr<peer_channel> over, std::string_view name,
-           std::shared_ptr<const packet_types> packets, bytes body, duration limit) {
-            auto executor = asio::get_associated_executor(handler, asio::any_io_executor());
-            auto& cancellation =
-                asio::get_associated_cancellation_slot(handler).template emplace<detail::slot_cancellation>();
-            const bytes_view raw(body);
-            call_completion done = [handler = std::move(handler),
-                                    type = packets->schemas[role::response]](const call_outcome& outcome) mutable {
-                return [handler = std::move(handler), got = response_of(outcome, type)]() mutable {
-                    handler(std::move(got));
-                };
-            };
-            detail::start_call(*over, std::move(over), service_key{name, packets.get()}, limit, executor, cancellation,
-                               std::move(done), outgoing_packet::of_bytes(raw));
-        },
-        use_task, std::move(to), service, std::move(types), std::move(request), deadline);
-}
+/// A call whose packets are bytes. Whoever waits keeps the types, the service's name and the request.
+class submitted_call final : public awaiter {
+public:
+    submitted_call(std::shared_ptr<peer_channel> to, std::string_view service, const packet_types& types,
+                   bytes_view request, duration deadline)
+        : to_(std::move(to)), service_{service, &types}, request_(request), deadline_(deadline) {}
+
+    template <class Promise>
+    void await_suspend(std::coroutine_handle<Promise> coroutine) {
+        auto& stack = coroutine.promise().stack();
+        call_completion done = [this, waiting = stack.suspend(*this)](const call_outcome& outcome) mutable {
+            got_.emplace(response_of(outcome, service_.types->schemas[role::response]));
+            return [waiting = std::move(waiting)]() mutable { waiting.resume(); };
+        };
+        detail::start_call(*to_, std::move(to_), service_, deadline_, stack.executor(), cancellation_, std::move(done),
+                           outgoing_packet::of_bytes(request_));
+    }
+    result<dynamic_packet> await_resume() { return std::move(*got_); }
+    void cancel() override { cancellation_.cancel(); }
+
+private:
+    std::shared_ptr<peer_channel> to_;
+    service_key service_;
+    bytes_view request_;
+    duration deadline_;
+    call_cancellation cancellation_;
+    std::optional<result<dynamic_packet>> got_;
+};
 
 } // namespace
 
@@ -91,13 +91,13 @@ task<result<dynamic_packet>> call_dynamic(remote provider, dynamic_contract serv
     if (auto wrong = check_kind(provider, service, service_kind::request_response)) co_return std::move(*wrong);
     auto kept = way.runtime().schemas().keep(service.types());
     if (!kept) co_return kept.error();
-    bytes body;
+    std::optional<fitted_bytes> body;
     try {
-        body = fitted(request, service.packet(role::request));
+        body.emplace(request, service.packet(role::request));
     } catch (const error& unfit) {
         co_return unfit.why();
     }
-    auto answer = co_await submit(way.shared_from_this(), service.name(), std::move(*kept), std::move(body), deadline);
+    auto answer = co_await submitted_call(way.shared_from_this(), service.name(), **kept, body->view(), deadline);
     co_return answer;
 }
 
@@ -120,7 +120,7 @@ public:
                                                    duration deadline) {
         bytes raw;
         try {
-            raw = fitted(request, self->types_->schemas[role::unsubscribe_request]);
+            raw = fitted_bytes(request, self->types_->schemas[role::unsubscribe_request]).copy();
         } catch (const error& unfit) {
             co_return unfit.why();
         }
@@ -239,7 +239,7 @@ task<result<dynamic_run>> start_dynamic(remote provider, dynamic_contract servic
     auto types = schemas_of_action(**kept);
     std::shared_ptr<run_core> core;
     try {
-        auto body = fitted(goal, types.goal);
+        auto body = fitted_bytes(goal, types.goal).copy();
         core = std::make_shared<run_core>(way.shared_from_this(), service.name(), **kept, options, body);
     } catch (const error& unfit) {
         co_return unfit.why();
@@ -259,7 +259,7 @@ task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract
     if (!kept) co_return kept.error();
     std::shared_ptr<dynamic_stream::core> core;
     try {
-        auto body = fitted(request, service.packet(role::subscribe_request));
+        auto body = fitted_bytes(request, service.packet(role::subscribe_request)).copy();
         core = std::make_shared<dynamic_stream::core>(way.shared_from_this(), service.name(), std::move(*kept), options,
                                                       std::move(body));
     } catch (const error& unfit) {

@@ -2,6 +2,7 @@
 
 #include <ise/call/provide.hpp>
 #include <ise/core/error.hpp>
+#include <ise/service/fitted_bytes.hpp>
 #include <ise/session/service_runtime.hpp>
 
 #include <fmt/format.h>
@@ -25,24 +26,6 @@ std::shared_ptr<const packet_types> kept_types(service_runtime& runtime, const d
 }
 
 dynamic_packet packet_of(const schema& type, bytes_view raw) { return {type, bytes(raw.begin(), raw.end())}; }
-
-// The bytes of `packet` in the layout of `type`, without a copy where it has that.
-class fitted_bytes {
-public:
-    fitted_bytes(const dynamic_packet& packet, const schema& type) : view_(packet.encoded()) {
-        if (packet.type().fingerprint() == type.fingerprint()) return;
-        adapted_ = adapt(packet.type(), type, view_);
-        view_ = adapted_;
-    }
-    fitted_bytes(const fitted_bytes&) = delete;
-    fitted_bytes& operator=(const fitted_bytes&) = delete;
-    const bytes_view& view() const noexcept { return view_; }
-    bytes copy() const { return bytes(view_.begin(), view_.end()); }
-
-private:
-    bytes adapted_;
-    bytes_view view_;
-};
 
 // A response that does not fit is the handler's fault, and it ran.
 [[noreturn]] void throw_unfit(const std::string& service, const error& why) {

@@ -1,7 +1,5 @@
 #include <ise/packet/detail/walk.hpp>
 
-#include <algorithm>
-
 namespace ise::detail {
 
 bool take_count_of(const type_description& type, reader& in, std::size_t& count) {
@@ -31,16 +29,9 @@ bool take_alternative(const type_description& type, reader& in, std::size_t& ind
 }
 
 namespace {
-// Whether any bytes of the right number are a value.
-bool any_bytes_do(const type_description& type) {
-    if (!type.fixed_size || type.kind == type_kind::boolean) return false;
-    return std::all_of(type.members.begin(), type.members.end(),
-                       [](const type_member& member) { return any_bytes_do(member.type); });
-}
-
 bool skip_elements(const type_description& type, reader& in, std::uint64_t count) {
     const auto& element = type.members[0].type;
-    if (type.members.size() == 1 && element.fixed_size && (element.min_size == 0 || any_bytes_do(element))) {
+    if (type.members.size() == 1 && element.any_bytes) {
         std::uint64_t left = in.left();
         if (element.min_size != 0 && count > left / element.min_size) {
             while (in.take(static_cast<std::size_t>(element.min_size))) --count;
@@ -57,6 +48,8 @@ bool skip_elements(const type_description& type, reader& in, std::uint64_t count
 } // namespace
 
 bool skip(const type_description& type, reader& in) {
+    if (type.any_bytes && in.take(static_cast<std::size_t>(type.min_size)))
+        return true; // else the field is to be named
     switch (type.kind) {
         case type_kind::boolean: {
             const std::byte* raw = in.take(1);

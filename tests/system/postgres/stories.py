@@ -345,6 +345,8 @@ def story_full(folder, shore):
             expect("the node reports it", "nothing can be kept" in shore.log("node-1"), shore.log("node-1"))
             told = done.stderr + (folder / "server" / "server.log").read_text()
             expect("for want of room", "No space left on device" in told or "could not extend" in told, told[-2000:])
+            until(lambda: (folder / "server" / "server.log").read_text().count("atirma.probe") >= 3 or server.process.poll() is not None, "the node tries again")
+            expect("there is no room yet, and the node says so", shore.state(1)["trouble"] != "")
             ballast.unlink()
             Path(str(ballast) + "2").unlink(missing_ok=True)
             if server.process.poll() is not None:  # its log could not be extended: it ends, and an administrator starts it
