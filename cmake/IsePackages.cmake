@@ -113,7 +113,8 @@ install(FILES "${units}/ise-page.service" DESTINATION lib/systemd/system COMPONE
 # Whoever installs the middleware does not want a boat: `cmake --install` leaves it out.
 if(ISE_BUILD_APPS)
   install(FILES "${PROJECT_SOURCE_DIR}/apps/atirma/atirma.toml" "${PROJECT_SOURCE_DIR}/apps/atirma/access.toml"
-    "${PROJECT_SOURCE_DIR}/apps/atirma/mqtt.toml" DESTINATION "${CMAKE_INSTALL_DATADIR}/atirma" COMPONENT atirma EXCLUDE_FROM_ALL)
+    "${PROJECT_SOURCE_DIR}/apps/atirma/fleet.toml" "${PROJECT_SOURCE_DIR}/apps/atirma/mqtt.toml"
+    "${PROJECT_SOURCE_DIR}/apps/atirma/postgresql.toml" DESTINATION "${CMAKE_INSTALL_DATADIR}/atirma" COMPONENT atirma EXCLUDE_FROM_ALL)
 endif()
 # The folder from which the instantiation server's unit starts programs.
 function(ise_startable component)

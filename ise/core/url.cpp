@@ -89,13 +89,24 @@ result<url_parts> parse_url(std::string_view text) {
     return made;
 }
 
+namespace {
+// Without a plain user name before the host, on which all readers of a URL agree.
+std::string without_user(std::string_view url) {
+    auto begin = url.find("://") + 3;
+    auto user = url.substr(begin, url.find_first_of("@/?#", begin) - begin);
+    bool plain = !user.empty() && begin + user.size() < url.size() && url[begin + user.size()] == '@' &&
+                 std::ranges::all_of(user, is_of_host);
+    return std::string(url.substr(0, begin)).append(url.substr(plain ? begin + user.size() + 1 : begin));
+}
+} // namespace
+
 result<std::vector<url_parts>> urls_in(std::string_view text) {
     std::vector<url_parts> all;
     for (auto at = text.find("://"); at != std::string_view::npos; at = text.find("://", at + 3)) {
         auto from = at;
         while (from > 0 && is_of_scheme(text[from - 1])) --from;
         auto one = text.substr(from, text.find_first_of(" \t,;\"'", at) - from);
-        auto parsed = parse_url(one);
+        auto parsed = parse_url(without_user(one));
         if (!parsed) return parsed.error();
         all.push_back(std::move(*parsed));
     }

@@ -23,8 +23,8 @@ struct url_parts {
 /// errc::invalid_argument says what is wrong.
 result<url_parts> parse_url(std::string_view text);
 
-/// All parts of a text that are URLs: of "xbee=tcp://10.0.0.1:7411" the one behind the "=". errc::invalid_argument as
-/// above.
+/// All parts of a text that are URLs: of "xbee=tcp://10.0.0.1:7411" the one behind the "=". A plain user name before
+/// the host is left out: "postgresql://atirma@db.example/atirma". errc::invalid_argument as above.
 result<std::vector<url_parts>> urls_in(std::string_view text);
 
 } // namespace ise

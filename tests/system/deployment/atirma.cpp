@@ -162,3 +162,12 @@ TEST_CASE("a fleet comes up from its file, and each boat is heard over each of i
     in.done({"down", file});
     CHECK(marked().empty());
 }
+
+TEST_CASE("A-Tirma's file with a database in place of its nodes' files can be used") {
+    harbour in;
+    auto file = in.demo("shared.toml", "", "postgresql");
+    CHECK_THAT(in.done({"validate", file}), Contains("atirma with 12 components on 3 hosts"));
+    auto plan = in.json_of({"diff", file});
+    for (const auto& step : plan["steps"]) CHECK(step["action"] == "start");
+    CHECK(plan["steps"].size() == 12);
+}

@@ -205,8 +205,13 @@ TEST_CASE("an endpoint in a text is no way around the rules") {
     open.target_hosts = {"10.0.0.7"};
     CHECK(refusal(request({{"mark", "xbee=atirma/shore/xbee"}})) == "it was allowed");
     CHECK(refusal(request({{"mark", "xbee=tcp://10.0.0.7:7411"}}), open) == "it was allowed");
-    for (const char* bad : {"tcp://10.0.0.8:7411", "xbee=tcp://10.0.0.8:7411", "Vela=tcp://10.0.0.7:1,tcp://10.0.0.8:1",
-                            "udp://[fd00::1]:9"})
+    CHECK(refusal(request({{"mark", "postgresql://atirma@10.0.0.7/atirma"}}), open) == "it was allowed");
+    for (const char* bad :
+         {"postgresql://10.0.0.7:secret@10.0.0.7/x", "postgresql://@10.0.0.7/x", "postgresql://a@10.0.0.8@10.0.0.7/x"})
+        CHECK_THAT(refusal(request({{"mark", bad}}), open), Contains("is not a URL"));
+    for (const char* bad : {"postgresql://10.0.0.7@10.0.0.8/atirma",
+                            "postgresql://a@10.0.0.7,10.0.0.8/x?a=tcp://10.0.0.8", "tcp://10.0.0.8:7411",
+                            "xbee=tcp://10.0.0.8:7411", "Vela=tcp://10.0.0.7:1,tcp://10.0.0.8:1", "udp://[fd00::1]:9"})
         CHECK_THAT(refusal(request({{"mark", bad}}), open),
                    Contains("parameter 'mark' cannot be") && Contains("--allow-host"));
     CHECK_THAT(refusal(request({{"mark", "local:///run/other.sock"}}), open),
