@@ -5,6 +5,7 @@
 #include <ise/net/bounded_acceptor.hpp>
 #include <ise/net/handshake.hpp>
 #include <ise/net/relayed.hpp>
+#include <ise/session/conversation.hpp>
 
 #include <fmt/format.h>
 
@@ -49,6 +50,7 @@ std::optional<failure> session_acceptor::objection(const wire::hello& caller, co
     if (!policy || as.same_process) return {};
     if (auto broken = policy->broken())
         return failure(broken->code(), fmt::format("at {}, {}", runtime_.name_for_people(), broken->message()));
+    if (of_its_maker(runtime_, as)) return {};
     net::session_peer peer(caller.self);
     peer.verified = as;
     return sessions_.objection_to_name(peer);

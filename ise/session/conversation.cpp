@@ -18,11 +18,14 @@ conversation::conversation(service_runtime& runtime, std::shared_ptr<net::connec
 
 conversation::~conversation() = default;
 
+bool of_its_maker(const service_runtime& runtime, const verified_peer& peer) {
+    return runtime.self().path.empty() && is_own_user(peer.user);
+}
+
 std::optional<failure> conversation::objection_to_use(service_kind kind, const std::string& service, bool note) {
     auto* guard = runtime_.access();
     if (!guard || verified_.same_process) return {};
-    // The instantiation server of this user, which made the process, and could kill it as well.
-    if (runtime_.self().path.empty() && service.starts_with("ise.process.") && is_own_user(verified_.user)) return {};
+    if (service.starts_with("ise.process.") && of_its_maker(runtime_, verified_)) return {};
     if (!view_) view_ = std::make_unique<access::view>(guard->current(), verified_.who);
     const auto& titles = runtime_.titles();
     auto what = access::request_for(kind == service_kind::subscription, titles, service);
@@ -64,7 +67,7 @@ std::optional<failure> conversation::objection_to_session() {
     if (access::identity_of(verified_, runtime_.own_identity(), policy.get()) != verified_.who)
         return failure(errc::access_denied,
                        fmt::format("the access policy has another identity for {} now", access::shown(verified_.who)));
-    if (peer().path.empty()) return {};
+    if (peer().path.empty() || of_its_maker(runtime_, verified_)) return {};
     const std::string named[] = {peer().path};
     access::request what;
     what.what = access::action::name;

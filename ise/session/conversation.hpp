@@ -16,6 +16,10 @@ namespace access {
 class view;
 }
 
+/// Whether `peer` is the instantiation server that made the process of this component, which is the one that starts
+/// others in it: one without a path. It is of the same user, and could kill the process as well; no policy is asked.
+bool of_its_maker(const service_runtime& runtime, const verified_peer& peer);
+
 /// What everything that two components say to each other over one connection shares: the connection, who the peer is,
 /// and the schemas that both sides agree on. Calls and subscriptions are parts above it, which `session` puts together.
 class conversation : public net::connection::user, public std::enable_shared_from_this<conversation> {

@@ -7,6 +7,8 @@
 #include <ise/component/parameter_services.hpp>
 #include <ise/instantiation/services.hpp>
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <functional>
@@ -295,6 +297,30 @@ TEST_CASE("access: the page of a healthy A-Tirma gets what it shows and is refus
     } while (used.find("communication_state") == used.npos);
     CHECK_THAT(used, Contains("telemetry"));
     for (const auto& line : shore.audit_of(web_identity)) {
+        INFO(line.dump());
+        CHECK(line.at("verdict") == "allowed");
+    }
+}
+
+TEST_CASE("access: components that share a process start and stop under the policy") {
+    harbour there;
+    for (const char* path : {"atirma/shore/gprs", "atirma/shore/more"}) {
+        auto ran =
+            there.ise("ana", {"--wait", "--timeout", "120s", "start", "gprs-proxy", path, "--host", "shore",
+                              "--protocol", "tls", "--process", "proxies", "--set", "boat-listen=tcp://127.0.0.1:0"});
+        INFO(ran.err);
+        REQUIRE(ran.exit_code == 0);
+    }
+    auto running = json::parse(there.ise("ana", {"ps", "--json"}).out);
+    REQUIRE(running.size() == 2);
+    CHECK(running[0]["process_id"] == running[1]["process_id"]);
+    for (const auto& one : running) CHECK(one["state"] == "ready");
+    for (const char* path : {"atirma/shore/gprs", "atirma/shore/more"}) {
+        auto ran = there.ise("ana", {"stop", path});
+        INFO(ran.err);
+        CHECK(ran.exit_code == 0);
+    }
+    for (const auto& line : there.audit_of(fmt::format("unix:{}", ::getuid()))) {
         INFO(line.dump());
         CHECK(line.at("verdict") == "allowed");
     }
