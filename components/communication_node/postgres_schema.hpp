@@ -206,7 +206,18 @@ BEGIN
 END $$;
 )sql";
 
-inline constexpr std::array<std::string_view, 1> scripts{first};
+// Grows a file, as packets do: on a full tablespace a statement that stores nothing succeeds.
+inline constexpr std::string_view second = R"sql(
+CREATE TABLE atirma.probe(filling text NOT NULL);
+ALTER TABLE atirma.probe ALTER COLUMN filling SET STORAGE PLAIN; -- a page a row
+CREATE FUNCTION atirma.probe() RETURNS void LANGUAGE plpgsql AS $$
+BEGIN
+  TRUNCATE atirma.probe;
+  INSERT INTO atirma.probe SELECT repeat('x', 8000) FROM generate_series(1, 16);
+END $$;
+)sql";
+
+inline constexpr std::array<std::string_view, 2> scripts{first, second};
 inline constexpr std::int64_t version = scripts.size();
 
 } // namespace atirma::postgres_schema

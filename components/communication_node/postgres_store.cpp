@@ -110,7 +110,9 @@ void postgres_store::greet() {
             // Acknowledged data are on the server's disk, whatever its default.
             client_.query("SELECT set_config('synchronous_commit', CASE current_setting('synchronous_commit') WHEN "
                           "'off' THEN 'on' ELSE current_setting('synchronous_commit') END, false)",
-                          {}, [](ise::result<postgres_rows>) {});
+                          {}, [this](ise::result<postgres_rows> set) {
+                              if (!set) client_.drop(set.error());
+                          });
             auto fresh = (loop_.env().random() >> 1) | 1u; // never 0, and without a sign
             client_.query("SELECT number, life, head, commands_head FROM atirma.open_boat($1, $2)",
                           {options_.boat, std::to_string(fresh)}, [this](ise::result<postgres_rows> boat) {
@@ -275,6 +277,8 @@ std::vector<telemetry_packet> postgres_store::packets_in(const postgres_rows& ro
 }
 
 void postgres_store::add(std::vector<telemetry_packet> packets, then<kept> done) {
+    if (packets.empty())
+        return ask<kept>("SELECT atirma.probe()", {}, std::move(done), [](const postgres_rows&) { return kept(); });
     packet_arrays arrays(packets);
     ask<kept>("SELECT last, fresh, head_now FROM atirma.keep($1, $2, $3, $4, $5, $6, $7, $8)",
               {std::to_string(boat_), arrays.boots, arrays.sequences, arrays.times, arrays.links, arrays.receptions,
