@@ -329,7 +329,7 @@ TEST_CASE("shared names: under random faults the epochs of a path only grow, and
         auto server = dice() % it.process.size();
         auto host = fmt::format("ns{}", server);
         auto path = paths[dice() % paths.size()];
-        switch (dice() % 9) {
+        switch (dice() % 10) {
             case 0: it.process[server] = &it.process[server]->restart(); break;
             case 1: it.cluster.cut_off.insert(host); break;
             case 2: it.cluster.cut_off.clear(); break;
@@ -339,9 +339,11 @@ TEST_CASE("shared names: under random faults the epochs of a path only grow, and
             case 6: it.cluster.answers_lost.clear(); break;
             case 7: nodes[path] = &nodes[path]->restart(); break;
             case 8: it.cluster.latency[host] = std::chrono::milliseconds(dice() % 1000); break;
+            case 9: it.cluster.full = !it.cluster.full; break;
         }
         it.world.run_until(look, std::chrono::milliseconds(dice() % 4000));
     }
+    it.cluster.full = false;
     it.cluster.majority = true;
     it.cluster.cut_off.clear();
     it.cluster.answers_lost.clear();
