@@ -14,7 +14,7 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
-#include <numeric>
+#include <stdexcept>
 
 namespace {
 
@@ -152,6 +152,7 @@ private:
             more = page->more;
         }
         taken_ = seconds(began);
+        stop();
     }
 
     std::string url_, boat_;
@@ -179,7 +180,7 @@ void track(const std::string& url, const std::string& folder, int boats, int a_d
         node.launch(
             "", std::make_unique<reader>(url, fmt::format("boat-{}", run * boats / 7 + 1), the_day, pages, found, one),
             std::move(anonymous));
-        ise::run_until_signal(node);
+        if (ise::run_until_signal(node) != 0) throw std::runtime_error("the track was not read");
         taken.push_back(one);
     }
     // SQLite holds one boat a file.

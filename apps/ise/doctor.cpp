@@ -110,6 +110,24 @@ task<std::vector<finding>> examine_lost_servers(context& in) {
     co_return found;
 }
 
+task<std::vector<finding>> examine_store_of_names(context& in) {
+    auto server = co_await reach_name_server(in);
+    naming::list_request question;
+    question.limit = 1;
+    auto response = co_await server.try_call(naming::list, std::move(question), in.left());
+    std::vector<finding> found;
+    if (!response || response->trouble.empty()) co_return found;
+    finding store;
+    store.kind = "store_of_names";
+    store.component = naming::server_path;
+    store.message = response->trouble;
+    store.advice =
+        "etcdctl endpoint status and etcdctl alarm list, with the endpoints of --store, show which member is "
+        "away, slow or without space";
+    found.push_back(std::move(store));
+    co_return found;
+}
+
 task<> conclude(context& in, std::vector<finding> found, std::vector<surveyed> all) {
     auto bad = static_cast<std::size_t>(
         std::ranges::count_if(found, [](const finding& one) { return one.severity != severity_level::note; }));
@@ -141,6 +159,8 @@ task<> doctor(context& in, doctor_options options) {
         found.insert(found.end(), cycles.begin(), cycles.end());
         auto lost = co_await examine_lost_servers(in);
         found.insert(found.end(), lost.begin(), lost.end());
+        auto store = co_await examine_store_of_names(in);
+        found.insert(found.end(), store.begin(), store.end());
         auto ended = co_await examine_instances(in);
         found.insert(found.end(), ended.begin(), ended.end());
         std::ranges::stable_sort(found, {}, [](const finding& one) { return std::tie(one.severity, one.component); });

@@ -206,15 +206,14 @@ BEGIN
 END $$;
 )sql";
 
-// Whether there is room for packets again: a file has to grow for it, and the log of the server.
+// Grows a file, as packets do: on a full tablespace a statement that stores nothing succeeds.
 inline constexpr std::string_view second = R"sql(
-CREATE TABLE atirma.probe(filler text NOT NULL);
-ALTER TABLE atirma.probe ALTER filler SET STORAGE PLAIN;
+CREATE TABLE atirma.probe(filling text NOT NULL);
+ALTER TABLE atirma.probe ALTER COLUMN filling SET STORAGE PLAIN; -- a page a row
 CREATE FUNCTION atirma.probe() RETURNS void LANGUAGE plpgsql AS $$
 BEGIN
   TRUNCATE atirma.probe;
-  INSERT INTO atirma.probe SELECT repeat('x', 7000) FROM generate_series(1, 32);
-  TRUNCATE atirma.probe;
+  INSERT INTO atirma.probe SELECT repeat('x', 8000) FROM generate_series(1, 16);
 END $$;
 )sql";
 

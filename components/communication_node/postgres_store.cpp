@@ -277,9 +277,10 @@ std::vector<telemetry_packet> postgres_store::packets_in(const postgres_rows& ro
 }
 
 void postgres_store::add(std::vector<telemetry_packet> packets, then<kept> done) {
+    if (packets.empty())
+        return ask<kept>("SELECT atirma.probe()", {}, std::move(done), [](const postgres_rows&) { return kept(); });
     packet_arrays arrays(packets);
-    ask<kept>(fmt::format("SELECT last, fresh, head_now FROM {}atirma.keep($1, $2, $3, $4, $5, $6, $7, $8)",
-                          packets.empty() ? "atirma.probe(), " : ""),
+    ask<kept>("SELECT last, fresh, head_now FROM atirma.keep($1, $2, $3, $4, $5, $6, $7, $8)",
               {std::to_string(boat_), arrays.boots, arrays.sequences, arrays.times, arrays.links, arrays.receptions,
                arrays.histories, arrays.contents},
               std::move(done), [this](const postgres_rows& rows) {

@@ -94,7 +94,7 @@ task<> name_server::run() {
             [this](naming::resolve_request request) { return registry_->resolve(request.path, now()); });
     provide(naming::list, [this](naming::list_request request) {
         auto response = registry_->list(request, now());
-        if (shared_) response.trouble = shared_->trouble();
+        if (shared_) response.trouble = shared_->report();
         return response;
     });
     provide(naming::lost, [this](naming::lost_request request) { return registry_->lost(request.prefix, now()); });

@@ -19,6 +19,8 @@ constexpr std::string_view node_prefix = "node/", name_prefix = "name/", offset_
 constexpr duration tend_period = std::chrono::milliseconds(500);
 // A majority was heard so lately that nothing is wrong.
 constexpr duration fresh = std::chrono::seconds(3);
+// Components whose claims were refused ask again within that time.
+constexpr duration refusal_counts = std::chrono::seconds(10);
 constexpr duration catch_up_time = std::chrono::milliseconds(1500);
 
 struct stored_node { // fields are only ever appended
@@ -61,8 +63,18 @@ std::string shared_names::trouble() const {
                        obstacle_);
 }
 
+std::string shared_names::report() const {
+    auto why = trouble();
+    if (why.empty() && unwritable_ && on_.now() - unwritable_->first < refusal_counts)
+        why = fmt::format("the store of the name server refuses to write: {}; granted names stay, and none is granted",
+                          unwritable_->second);
+    return why;
+}
+
+// A store without space answers and renews, so it is not away.
 void shared_names::give_up(const failure& why) {
     obstacle_ = why.message();
+    if (why.code() == errc::refused) unwritable_.emplace(on_.now(), why.message());
     throw error(errc::refused, fmt::format("the store does not answer: {}", why.message()));
 }
 
@@ -215,6 +227,7 @@ task<std::vector<store_outcome>> shared_names::write(std::vector<store_step> ste
         auto done = co_await store_.write(std::move(some));
         if (!done) give_up(done.error());
         heard();
+        unwritable_.reset();
         for (const auto& one : *done) newest = std::max(newest, one.revision);
         all.insert(all.end(), done->begin(), done->end());
     }
@@ -286,6 +299,7 @@ task<> shared_names::keep_here(naming::node_identity who, duration lease) {
             continue;
         }
         if (!written) give_up(written.error());
+        unwritable_.reset();
         co_await catch_up(written->front().revision);
         known = nodes_.find(key);
         if (written->front().done && !there && known != nodes_.end()) known->second.confirmed = sent;

@@ -12,6 +12,7 @@
 #include <optional>
 #include <string>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 namespace ise {
@@ -45,6 +46,8 @@ public:
     void tick();
     /// Why nothing can be granted now, for people; empty: nothing is known against it.
     std::string trouble() const;
+    /// As `trouble()`; also while the store answers but refuses to write, such as for want of space.
+    std::string report() const;
 
 private:
     struct node_record {
@@ -100,6 +103,7 @@ private:
     bool read_ = false;
     time_point heard_at_ = time_point::min(); // of a majority
     std::string obstacle_ = "it was not reached yet";
+    std::optional<std::pair<time_point, std::string>> unwritable_; // the last write was refused: when, and why
     bool complained_ = false;
     bool store_answers_ = true; // the last question whether it does
     std::vector<waiter<>*> catching_up_;

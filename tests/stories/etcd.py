@@ -97,11 +97,11 @@ class History:
 class NameServers:
     """Three of them over one cluster; `names` is the list for clients."""
 
-    def __init__(self, world: World, cluster: Cluster):
+    def __init__(self, world: World, cluster: Cluster, *options: str, **variables: str):
         self.world, found = world, []
         for n in range(3):
             listen = f"tcp://127.0.0.1:{world.free_port()}"
-            made = world.run(f"names{n}", ["ise_name_server", "--listen", listen, "--log-level", "warning", "--store", cluster.store])
+            made = world.run(f"names{n}", ["ise_name_server", "--listen", listen, "--log-level", "warning", "--store", cluster.store, *options], **variables)
             made.line("tcp://")
             found.append(listen)
         self.each, self.names = found, ",".join(found)

@@ -68,6 +68,7 @@ def tell(world: World):
         cluster.process(member).stop()
     said = world.until(lambda: "names are unconfirmed" in (text := world.ise("list", wait=5).stderr) and text, 20)
     world.expect(said, "ise list does not say that there is no majority")
+    world.expect("has no majority" in world.ise("doctor", wait=10).stdout, "ise doctor does not find that there is no majority")
     for member in (1, 2):
         cluster.process(member).go_on()
     world.expect(world.until(lambda: "names are unconfirmed" not in world.ise("list", wait=5).stderr, 20), "the majority is back, and nobody says so")

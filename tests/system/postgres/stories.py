@@ -13,6 +13,7 @@ import os
 import pwd
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -63,7 +64,7 @@ def unprivileged():
 class Server:
     """A PostgreSQL of its own."""
 
-    def __init__(self, folder, data=None, password=None):
+    def __init__(self, folder, data=None, password=None, options=(), port=5432):
         found = sorted(glob.glob("/usr/lib/postgresql/*/bin/initdb"), key=lambda path: int(path.split("/")[4]))
         if not found or int(found[-1].split("/")[4]) < 15:
             raise Skipped("PostgreSQL 15 is not installed (cmake/install-packages test)")
@@ -87,11 +88,11 @@ class Server:
         self.environment = {"PATH": os.environ["PATH"], "LANG": "C", "PGPASSWORD": password or ""}
         done = self.command("initdb", *words)
         expect("initdb made a cluster", done.returncode == 0, done.stderr)
-        self.process = None
+        self.process, self.options, self.port = None, options, str(port)
         self.start()
-        done = self.command("createdb", "-h", self.folder, "-p", "5432", "-U", "atirma", "atirma")
+        done = self.command("createdb", "-h", self.folder, "-p", self.port, "-U", "atirma", "atirma")
         expect("there is a database", done.returncode == 0, done.stderr)
-        self.url = f"postgresql://atirma@/atirma?host={self.folder}&port=5432"
+        self.url = f"postgresql://atirma@/atirma?host={self.folder}&port={self.port}"
 
     def command(self, name, *words):
         return subprocess.run([str(self.bin / name), *map(str, words)], env=self.environment, capture_output=True, text=True,
@@ -100,10 +101,10 @@ class Server:
     def start(self):
         with (self.folder / "server.log").open("a") as log:
             self.process = subprocess.Popen(
-                [str(self.bin / "postgres"), "-D", str(self.data / "cluster"), "-k", str(self.folder), "-p", "5432", "-c", "listen_addresses=",
-                 "-c", "wal_keep_size=0", "-c", "max_wal_size=64MB", "-c", "min_wal_size=32MB"],
+                [str(self.bin / "postgres"), "-D", str(self.data / "cluster"), "-k", str(self.folder), "-p", self.port, "-c", "listen_addresses=",
+                 "-c", "wal_keep_size=0", "-c", "max_wal_size=64MB", "-c", "min_wal_size=32MB", *self.options],
                 env=self.environment, stdout=log, stderr=log, cwd="/", start_new_session=True, **self.who)
-        until(lambda: self.command("pg_isready", "-h", self.folder, "-p", "5432").returncode == 0, "PostgreSQL accepts connections")
+        until(lambda: self.command("pg_isready", "-h", self.folder, "-p", self.port).returncode == 0, "PostgreSQL accepts connections")
 
     def everybody(self):
         """Its processes: the postmaster, and those that have it as their parent."""
@@ -135,7 +136,7 @@ class Server:
             self.process.wait()
 
     def ask(self, sql, database="atirma"):
-        done = self.command("psql", "-h", self.folder, "-p", "5432", "-U", "atirma", "-d", database, "-AtXq", "-v", "ON_ERROR_STOP=1", "-c", sql)
+        done = self.command("psql", "-h", self.folder, "-p", self.port, "-U", "atirma", "-d", database, "-AtXq", "-v", "ON_ERROR_STOP=1", "-c", sql)
         expect(f"the server answers {sql}", done.returncode == 0, done.stderr)
         return done.stdout.strip()
 
@@ -345,8 +346,10 @@ def story_full(folder, shore):
             expect("the node reports it", "nothing can be kept" in shore.log("node-1"), shore.log("node-1"))
             told = done.stderr + (folder / "server" / "server.log").read_text()
             expect("for want of room", "No space left on device" in told or "could not extend" in told, told[-2000:])
-            until(lambda: (folder / "server" / "server.log").read_text().count("atirma.probe") >= 3 or server.process.poll() is not None, "the node tries again")
-            expect("there is no room yet, and the node says so", shore.state(1)["trouble"] != "")
+            # Nothing waits to be kept, and it goes on to report: it tries with a write that needs room.
+            log = folder / "server" / "server.log"
+            until(lambda: log.read_text().count("SELECT atirma.probe()") >= 3 or server.process.poll() is not None, "the node tries")
+            expect("the trouble stays", shore.state(1)["trouble"] and "takes packets again" not in shore.log("node-1"), shore.log("node-1"))
             ballast.unlink()
             Path(str(ballast) + "2").unlink(missing_ok=True)
             if server.process.poll() is not None:  # its log could not be extended: it ends, and an administrator starts it
@@ -438,6 +441,69 @@ def story_refusals(folder, shore):
         refused(shore.atirma("store", "migrate", server.url, PGPASSFILE=str(passwords)), "version 999", "newer program")
         refused(shore.atirma("run", "communication-node", "--path", "atirma/shore/node-3", "--store", server.url, PGPASSFILE=str(passwords)), "newer program")
         shore.kept(1, [2])  # one that runs goes on
+    finally:
+        server.stop()
+
+
+def story_tls(folder, shore):
+    """sslmode=verify-full: a server whose certificate is of another CA or for another host gets no packet."""
+    if not shutil.which("openssl"):
+        raise Skipped("openssl is not installed")
+    keys = folder / "keys"
+    keys.mkdir()
+
+    def openssl(*words):
+        done = subprocess.run(["openssl", *map(str, words)], capture_output=True, text=True, timeout=LIMIT_S, check=False)
+        expect(f"openssl {words[0]} works", done.returncode == 0, done.stderr)
+
+    for name in ("ca", "other-ca"):
+        openssl("req", "-x509", "-newkey", "rsa:2048", "-nodes", "-subj", f"/CN={name}", "-days", 2, "-keyout", keys / f"{name}.key", "-out", keys / f"{name}.pem")
+    openssl("req", "-newkey", "rsa:2048", "-nodes", "-subj", "/CN=localhost", "-keyout", keys / "server.key", "-out", keys / "server.csr")
+    (keys / "names").write_text("subjectAltName=DNS:localhost\n")
+    openssl("x509", "-req", "-in", keys / "server.csr", "-CA", keys / "ca.pem", "-CAkey", keys / "ca.key", "-CAcreateserial", "-days", 2,
+            "-extfile", keys / "names", "-out", keys / "server.pem")
+    who = unprivileged()
+    if who:
+        os.chown(keys / "server.key", who["user"], who["group"])
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    server = Server(folder, options=["-c", "listen_addresses=127.0.0.1", "-c", f"ssl_cert_file={keys / 'server.pem'}",
+                                     "-c", f"ssl_key_file={keys / 'server.key'}", "-c", "ssl=on"], port=port)
+    try:
+        def url(host, ca):
+            return f"postgresql://atirma@{host}:{port}/atirma?sslmode=verify-full&sslrootcert={keys / ca}"
+
+        refused(shore.atirma("store", "migrate", url("localhost", "other-ca.pem")), "certificate verify failed")
+        refused(shore.atirma("store", "migrate", url("127.0.0.1", "ca.pem")), "does not match host name")
+        done = shore.atirma("store", "migrate", url("localhost", "ca.pem"))
+        expect("the tables are made over TLS", done.returncode == 0, done.stderr)
+        shore.node(2, url("localhost", "other-ca.pem"), wait=False)
+        until(lambda: "certificate verify failed" in shore.log("node-2"), "a node that trusts another CA says why it does not connect")
+        shore.node(3, url("127.0.0.1", "ca.pem"), wait=False)
+        until(lambda: "does not match host name" in shore.log("node-3"), "so does one for which the server has another name")
+        shore.node(1, url("localhost", "ca.pem"))
+        shore.kept(1, [1, 2])
+        plain = server.ask("SELECT count(*) FROM pg_stat_activity a JOIN pg_stat_ssl s USING (pid) WHERE client_port > 0 AND NOT ssl")
+        ciphered = server.ask("SELECT count(*) FROM pg_stat_activity a JOIN pg_stat_ssl s USING (pid) WHERE client_port > 0 AND ssl")
+        expect("all connections over TCP are over TLS", plain == "0" and int(ciphered) >= 1, f"{plain} {ciphered}")
+    finally:
+        server.stop()
+
+
+def story_durable(folder, shore):
+    """A node that cannot make sure that commits are synchronous does not use the connection."""
+    server = Server(folder)
+    try:
+        migrated(shore, server)
+        server.ask("CREATE ROLE sailor LOGIN; GRANT USAGE ON SCHEMA atirma TO sailor; GRANT ALL ON ALL TABLES IN SCHEMA atirma TO sailor;"
+                   "REVOKE EXECUTE ON FUNCTION set_config(text, text, boolean) FROM PUBLIC")
+        shore.node(1, server.url.replace("atirma@", "sailor@"), wait=False)
+        until(lambda: "permission denied for function set_config" in shore.log("node-1"), "the node says why")
+        expect("its store is not open", "its store cannot be opened" in shore.log("node-1"), shore.log("node-1"))
+        expect("and it serves nothing", shore.call(1, "track", {}).returncode != 0)
+        server.ask("GRANT EXECUTE ON FUNCTION set_config(text, text, boolean) TO sailor; ALTER ROLE sailor SET synchronous_commit = off")
+        until(lambda: shore.call(1, "track", {}).returncode == 0, "it goes on when it may")
     finally:
         server.stop()
 

@@ -76,6 +76,7 @@ public:
     ise_test::model_cluster cluster; // these outlive the world
     std::vector<std::string> warnings;
     std::string list;
+    int desks = 0;
     std::vector<ise::name_server*> names;
     ise::sim::world world;
     std::vector<ise::sim::process*> process;
@@ -96,6 +97,25 @@ struct caller {
         };
     }
 };
+
+// What the first name server lists as its trouble.
+std::string trouble_listed(shared_system& it) {
+    std::optional<std::string> trouble;
+    auto name = "desk" + std::to_string(it.desks++);
+    it.start(name, name, [&](ise::node& node) {
+        node.start(
+            "test/" + name,
+            [&](ise::component& self) -> ise::task<> {
+                ise::naming::list_request all;
+                auto server = self.at(ise::endpoint::parse(it.list.substr(0, it.list.find(','))).value());
+                auto response = co_await server.call(ise::naming::list, all, 5s);
+                trouble = response.trouble;
+            },
+            everywhere());
+    });
+    CHECK(it.world.run_until([&] { return trouble.has_value(); }, 10s));
+    return trouble.value_or("no answer");
+}
 
 } // namespace
 
@@ -227,20 +247,7 @@ TEST_CASE("shared names: without a majority those who have met go on, nobody new
     CHECK(calls.failures == 0);
     CHECK(it.epoch_at(0, "atirma/late") == 0);
     CHECK(it.warned("names are unconfirmed"));
-    std::string trouble;
-    it.start("desk", "desk", [&](ise::node& node) {
-        node.start(
-            "test/desk",
-            [&](ise::component& self) -> ise::task<> {
-                ise::naming::list_request all;
-                auto servers = self.at(ise::endpoint::parse(it.list.substr(0, it.list.find(','))).value());
-                auto response = co_await servers.call(ise::naming::list, all, 5s);
-                trouble = response.trouble;
-            },
-            everywhere());
-    });
-    CHECK(it.world.run_until([&] { return !trouble.empty(); }, 10s));
-    CHECK(trouble.find("no majority") != trouble.npos);
+    CHECK(trouble_listed(it).find("no majority") != std::string::npos);
     it.cluster.majority = true;
     CHECK(it.world.run_until([&] { return it.held_everywhere("atirma/late"); }, 10s));
     CHECK(it.epoch_at(0, "atirma/doubler") >= epoch);
@@ -292,8 +299,10 @@ TEST_CASE("shared names: a store without space grants nothing new, says so, and 
     CHECK(it.epoch_at(0, "atirma/doubler") == epoch);
     CHECK(it.epoch_at(0, "atirma/other") == 0);
     CHECK(it.warned("database space exceeded"));
+    CHECK(trouble_listed(it).find("database space exceeded") != std::string::npos);
     it.cluster.full = false;
     CHECK(it.world.run_until([&] { return it.held_everywhere("atirma/other"); }, 10s));
+    CHECK(trouble_listed(it).empty());
 }
 
 TEST_CASE("shared names: under random faults the epochs of a path only grow, and each name comes back") {
@@ -320,7 +329,7 @@ TEST_CASE("shared names: under random faults the epochs of a path only grow, and
         auto server = dice() % it.process.size();
         auto host = fmt::format("ns{}", server);
         auto path = paths[dice() % paths.size()];
-        switch (dice() % 9) {
+        switch (dice() % 10) {
             case 0: it.process[server] = &it.process[server]->restart(); break;
             case 1: it.cluster.cut_off.insert(host); break;
             case 2: it.cluster.cut_off.clear(); break;
@@ -330,9 +339,11 @@ TEST_CASE("shared names: under random faults the epochs of a path only grow, and
             case 6: it.cluster.answers_lost.clear(); break;
             case 7: nodes[path] = &nodes[path]->restart(); break;
             case 8: it.cluster.latency[host] = std::chrono::milliseconds(dice() % 1000); break;
+            case 9: it.cluster.full = !it.cluster.full; break;
         }
         it.world.run_until(look, std::chrono::milliseconds(dice() % 4000));
     }
+    it.cluster.full = false;
     it.cluster.majority = true;
     it.cluster.cut_off.clear();
     it.cluster.answers_lost.clear();
