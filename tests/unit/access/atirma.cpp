@@ -85,7 +85,7 @@ const std::vector<row>& matrix() {
         {gprs, true, "telemetry", "wos"},
         {gprs, false, "telecommand", "s"},
         {gprs, false, "telecommand_recall", "s"},
-        {gprs, true, "gprs_state", "o"},
+        {gprs, true, "gprs_state", "os"},
         {iridium, true, "telemetry", "wos"},
         {iridium, false, "telecommand", "s"},
         {iridium, false, "telecommand_recall", "s"},
