@@ -9,6 +9,8 @@
 #include <QGridLayout>
 #include <QPainter>
 
+#include <algorithm>
+
 namespace atirma::console {
 namespace {
 
@@ -90,7 +92,8 @@ void value_tile::paintEvent(QPaintEvent*) {
                box.width();
     };
     while (size > smallest_text && !fits()) --size;
-    while (!fits() && unit.contains("  ")) unit.truncate(unit.lastIndexOf("  ")); // the tooltip has the rest
+    while (!fits() && !unit.isEmpty()) // part by part; the tooltip has the rest
+        unit.truncate(std::max<qsizetype>(0, unit.lastIndexOf("  ")));
     auto font = font_of(size, QFont::DemiBold);
     to.setFont(font);
     to.setPen(t.ink_of(how_));
