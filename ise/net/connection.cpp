@@ -70,7 +70,8 @@ task<> connection::read([[maybe_unused]] std::shared_ptr<connection> held) {
         } catch (const std::exception& cancelled) {
             got.problem = asio::error::operation_aborted;
         }
-        more = take_read(got);
+        on_bytes(got);
+        more = open();
     }
     report_end();
 }
@@ -95,19 +96,14 @@ bool connection::begin_to_take() {
     return open();
 }
 
-// Whether to go on reading.
-bool connection::take_read(const transfer& got) {
-    if (!open()) return false;
-    if (got.problem) {
-        end_for_read(got.problem);
-        return false;
-    }
+void connection::on_bytes(const transfer& got) {
+    if (!open()) return;
+    if (got.problem) return end_for_read(got.problem);
     counts_.bytes_in += got.bytes;
     loop::turn in(on_);
     alive_.heard(on_.now());
     parser_.commit(got.bytes);
     take_frames();
-    return open();
 }
 
 void connection::end_for_read(const std::error_code& problem) {
@@ -222,19 +218,14 @@ result<void> connection::take(const carried_frame& received, user* receiver) {
     if (!receiver) return failure(errc::cancelled, "the component has stopped");
     try {
         auto taken = receiver->on_frame(received);
-        if (!taken) return taken;
+        if (taken && outbox_.control().size() > limit::control_bytes) [[unlikely]]
+            return too_many_answers();
+        return taken;
     } catch (const error& thrown) {
         return thrown.why();
     } catch (const std::exception& thrown) {
         return failure(errc::handler_failed, thrown.what());
     }
-    return answers_bounded();
-}
-
-result<void> connection::answers_bounded() const {
-    if (outbox_.control().size() <= limit::control_bytes) [[likely]]
-        return {};
-    return too_many_answers();
 }
 
 failure connection::too_many_answers() {
@@ -251,7 +242,8 @@ result<void> connection::take_own(const carried_frame& received, user* receiver)
                 if (tells_clock()) body.append(static_cast<std::int64_t>(on_.env().now().time_since_epoch().count()));
             });
             written();
-            return answers_bounded();
+            if (outbox_.control().size() > limit::control_bytes) return too_many_answers();
+            return {};
         case frame_type::pong: {
             if (received.header.flags & wire::flag::stalled) stalled_sign_ = counts_.frames_in;
             auto sent = time_point(duration(static_cast<std::int64_t>(received.header.id)));
@@ -294,11 +286,11 @@ void connection::flush() {
     if (signs_->broken())
         return close(failure(errc::peer_lost, fmt::format("{} did not take a sign of life whole", peer_name())));
     if (!objects_ || !pass_calls()) {
-        auto& batches = on_.common<batch_pool>();
-        if (!batch_) batch_ = batches.lend();
+        auto& spare = on_.common<spare_batch>();
+        if (!batch_) batch_ = spare.take();
         write_out();
         if (!batch_->empty()) return; // it goes on with this
-        batches.take_back(std::move(batch_));
+        spare.empty = std::move(batch_);
     }
     if (open()) signs_->release(alive_.last_sent());
 }
@@ -308,7 +300,7 @@ bool connection::pass_calls() {
     if (batch_ || phase_ != phase::open || !outbox_.calls_alone(on_.now())) return false;
     const auto passed = objects_->pass(outbox_.calls(), outbox_.beside_calls());
     if (passed.problem) {
-        batch_ = on_.common<batch_pool>().lend();
+        batch_ = on_.common<spare_batch>().take();
         outbox_.move_calls(*batch_);
         return false;
     }

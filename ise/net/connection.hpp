@@ -162,8 +162,7 @@ private:
     user* receiver() const noexcept { return user_.expired() ? nullptr : known_user_; }
     bool begin_to_take();
     asio::mutable_buffer room() noexcept override;
-    void on_bytes(const transfer& got) override { take_read(got); }
-    bool take_read(const transfer& got);
+    void on_bytes(const transfer& got) override;
     void end_for_read(const std::error_code& problem);
     task<> write(std::shared_ptr<connection> held);
     void take_frames();
@@ -171,7 +170,6 @@ private:
     result<void> take(const carried_frame& received, user* receiver);
     result<void> take_attached(carried_frame received, user* receiver);
     result<void> take_own(const carried_frame& received, user* receiver);
-    result<void> answers_bounded() const;
     static failure too_many_answers();
     void on_heard() override { alive_.heard(on_.now()); }
     void on_content(bytes_view content) override;

@@ -96,25 +96,11 @@ private:
     std::size_t written_ = 0;
 };
 
-/// The batches of all connections of a loop (`loop::common`): a connection has one only while something is being
-/// written, and what it grew to serves the next one.
-class batch_pool {
-public:
-    std::unique_ptr<batch> lend() {
-        if (unused_.empty()) return std::make_unique<batch>();
-        auto lent = std::move(unused_.back());
-        unused_.pop_back();
-        return lent;
-    }
-    /// Takes an empty one back.
-    void take_back(std::unique_ptr<batch> unused) {
-        if (unused_.size() < kept) unused_.push_back(std::move(unused));
-    }
-
-private:
-    static constexpr std::size_t kept = 2; // more are in use only where several sockets are full
-
-    std::vector<std::unique_ptr<batch>> unused_;
+/// The batch into which the connections of a loop write, one after the other (`loop::common`). A connection keeps it
+/// only while its socket is full; then the next one gets another.
+struct spare_batch {
+    std::unique_ptr<batch> empty; ///< null while it is in use
+    std::unique_ptr<batch> take() { return empty ? std::move(empty) : std::make_unique<batch>(); }
 };
 
 class outbox;

@@ -89,7 +89,7 @@ void run_core::on_session_lost() {
 
 void run_core::look_idle() {
     if (over()) return;
-    if (waiting_packet()) idle_.arm(saturating_add(on_.now(), limits_.idle)); // it is this side that is slow
+    if (!queue_.empty()) idle_.arm(saturating_add(on_.now(), limits_.idle)); // it is this side that is slow
     else give_up(errc::timed_out, fmt::format("reported nothing for {} s (idle)", seconds(limits_.idle)));
 }
 
@@ -115,10 +115,11 @@ void run_core::conclude(result<bytes> with) {
 }
 
 std::optional<bytes> run_core::take_report() {
-    while (auto* waiting = waiting_packet()) {
+    while (!queue_.empty()) {
         bytes raw;
         try {
-            auto came = waiting->bytes();
+            auto waiting = queue_.front();
+            auto came = waiting.bytes();
             raw.assign(came.begin(), came.end());
         } catch (const error& unreadable) {
             drop_undecodable(unreadable);

@@ -253,7 +253,7 @@ void action_runs::forget(const provided_run& run) {
 void action_runs::tell(const provided_run& run, const bytes& update) {
     auto out = out_.lock();
     if (!out || run.subscriber == 0) return;
-    auto made = out->encoded([&](buffer& room) { room.append(bytes_view(update)); });
+    auto made = out->encoded(current_trace(), [&](buffer& room) { room.append(bytes_view(update)); });
     out->publish_to(std::move(made),
                     [number = run.subscriber](const subscriber_info& who) { return who.number == number; });
 }

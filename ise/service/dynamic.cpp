@@ -137,9 +137,10 @@ public:
     }
 
     received<dynamic_packet> take() {
-        while (auto* waiting = waiting_packet()) {
+        while (!queue_.empty()) {
+            auto waiting = queue_.front();
             try {
-                auto packet = counted<dynamic_packet>::make(read(types_->schemas[role::published], waiting->bytes()));
+                auto packet = counted<dynamic_packet>::make(read(types_->schemas[role::published], waiting.bytes()));
                 return received<dynamic_packet>(std::move(packet), take_packet());
             } catch (const error& unreadable) {
                 drop_undecodable(unreadable);

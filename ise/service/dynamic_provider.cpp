@@ -152,7 +152,7 @@ publication_core& dynamic_publication::core() const {
 published_packet dynamic_publication::made(const dynamic_packet& packet) const {
     auto& to = core();
     const fitted_bytes raw(packet, type_);
-    return to.encoded([&raw](buffer& out) { out.append(raw.view()); });
+    return to.encoded(current_trace(), [&raw](buffer& out) { out.append(raw.view()); });
 }
 
 void dynamic_publication::operator()(const dynamic_packet& packet) const { core().publish(made(packet)); }

@@ -101,7 +101,7 @@ failure peer_channel::misplaced(service_key service) const {
 }
 
 void peer_channel::call(std::shared_ptr<peer_channel>&& share, service_key service, duration deadline,
-                        const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
+                        const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion&& done,
                         outgoing_packet request, const std::source_location& where) {
     auto& on = runtime().on();
     if (!on.running_here()) [[unlikely]] {

@@ -61,7 +61,7 @@ public:
 
     /// Starts a call (`detail::start_call`). Its outcome comes later, even on refusal.
     void call(std::shared_ptr<peer_channel>&& share, service_key service, duration deadline,
-              const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
+              const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion&& done,
               outgoing_packet request, const std::source_location& where);
     /// Why it is not used on another thread than the component's.
     failure misplaced(service_key service) const;

@@ -20,7 +20,7 @@ std::optional<failure> check_place(peer_channel& to, service_key service) {
 }
 
 void start_call(peer_channel& to, std::shared_ptr<peer_channel>&& share, service_key service, duration deadline,
-                const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
+                const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion&& done,
                 outgoing_packet request, const std::source_location& where) {
     to.call(std::move(share), service, deadline, waiting, cancellation, std::move(done), request, where);
 }

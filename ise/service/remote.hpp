@@ -30,7 +30,7 @@ namespace detail {
 /// the component's thread nothing is touched and nothing sent: the call fails, on that executor or, where there is
 /// none, on the system's. `where`: of the `co_await`, for people.
 void start_call(peer_channel& to, std::shared_ptr<peer_channel>&& share, service_key service, duration deadline,
-                const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion done,
+                const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion&& done,
                 outgoing_packet request, const std::source_location& where = std::source_location());
 /// The same as what a subscriber needs of it.
 std::shared_ptr<subscription_owner> subscriptions_of(std::shared_ptr<peer_channel> to);

@@ -16,7 +16,7 @@ namespace ise {
 class [[nodiscard]] send_packet final : public awaiter {
 public:
     /// @cond
-    send_packet(const std::shared_ptr<publication_core>& to, published_packet packet) noexcept
+    send_packet(const std::shared_ptr<publication_core>& to, published_packet&& packet) noexcept
         : to_(to), packet_(std::move(packet)) {}
 
     bool await_ready() {
@@ -122,7 +122,7 @@ private:
                 return made;
             }
         }
-        return core().encoded([&packet](buffer& out) { encode(packet, out); });
+        return core().encoded(current_trace(), [&packet](buffer& out) { encode(packet, out); });
     }
 
     std::shared_ptr<publication_core> core_;

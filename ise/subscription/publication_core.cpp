@@ -24,27 +24,23 @@ bool publication_core::wants_object() const noexcept { return object_takers > 0 
 
 std::size_t publication_core::subscribers() const noexcept { return all_.size(); }
 
-published_packet publication_core::encoded(function_ref<void(buffer&)> write_packet) {
-    published_packet made;
-    made.trace = current_trace();
-    made.frame = share(write_packet, static_cast<bool>(made.trace));
-    made.has_frame = true;
-    return made;
-}
-
-shared_bytes publication_core::share(function_ref<void(buffer&)> write_packet, bool traced) {
+published_packet publication_core::encoded(const trace_id& trace, function_ref<void(buffer&)> write_packet) {
     auto& room = maker_.room();
-    room.grow(packet_frame::head_bytes + (traced ? packet_frame::trace_bytes : 0)); // is completed in publish
+    room.grow(packet_frame::head_bytes + (trace ? packet_frame::trace_bytes : 0)); // is completed in publish
     write_packet(room);
     if (room.size() > std::numeric_limits<std::uint32_t>::max())
         throw error(errc::too_large,
                     fmt::format("a packet of '{}' has {} bytes, which no frame holds", name(), room.size()));
-    return maker_.share();
+    published_packet made;
+    made.frame = maker_.share();
+    made.has_frame = true;
+    made.trace = trace;
+    return made;
 }
 
 shared_bytes publication_core::frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at,
                                         const trace_id& trace) {
-    auto frame = share([&](buffer& out) { object.write(out); }, static_cast<bool>(trace));
+    auto frame = encoded(trace, [&](buffer& out) { object.write(out); }).frame;
     packet_frame::complete(shared_bytes_maker::open(frame), frame.size(), usual_id, sequence, published_at, trace);
     return frame;
 }
@@ -58,7 +54,7 @@ void publication_core::record_publication(trace_id& trace) const {
     trace.parent = id;
 }
 
-void publication_core::publish(published_packet packet, const choice* wants) {
+void publication_core::publish(published_packet&& packet, const choice* wants) {
     packet.sequence = sequence_ + 1;
     packet.published_at = runtime().publication_time();
     if (packet.trace) [[unlikely]]
@@ -99,7 +95,7 @@ std::optional<published_packet> publication_core::last_packet(bool as_object) {
         made.frame = last_->frame;
         const auto head = packet_frame::head_size(made.frame.view().data());
         if (last_->sequence == sequence_ && head == packet_frame::head_bytes) return made;
-        made.frame = share([&](buffer& out) { out.append(last_->frame.view().subspan(head)); }, false);
+        made.frame = encoded({}, [&](buffer& out) { out.append(last_->frame.view().subspan(head)); }).frame;
         packet_frame::complete(shared_bytes_maker::open(made.frame), made.frame.size(), usual_id, sequence_,
                                made.published_at);
         return made;

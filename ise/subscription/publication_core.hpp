@@ -39,13 +39,13 @@ public:
     /// Whether a packet that can be shared as an object should be: somebody takes it so, or nobody takes anything. Who
     /// needs a frame gets it from the object.
     bool wants_object() const noexcept;
-    /// Encodes a packet once for all subscribers, as a frame that is completed when it is published. It belongs to the
-    /// present trace.
-    published_packet encoded(function_ref<void(buffer&)> write_packet);
+    /// Encodes a packet once for all subscribers, as a frame that is completed when it is published. It belongs to
+    /// `trace`, if that is one.
+    published_packet encoded(const trace_id& trace, function_ref<void(buffer&)> write_packet);
     using choice = function_ref<bool(const subscriber_info&)>;
     /// Publishes to all subscribers; never blocks. With `wants`: only to those that it names; for the others it is
     /// skipped, which is no loss, and it is no last value.
-    void publish(published_packet packet, const choice* wants = nullptr);
+    void publish(published_packet&& packet, const choice* wants = nullptr);
     void publish_to(published_packet packet, choice wants) { publish(std::move(packet), &wants); }
     /// Whether every lossless subscriber that is connected has room for one more packet.
     bool has_room() const noexcept;
@@ -89,7 +89,6 @@ private:
     result<remote_subscriber*> resume(remote_subscriber& who, const wire::subscribe& terms, bool takes_objects,
                                       wire::subscribed& answer, std::uint64_t& lost);
     failure cannot_resume(const wire::subscribe& terms, std::uint64_t& lost) const;
-    shared_bytes share(function_ref<void(buffer&)> write_packet, bool traced);
     void record_publication(trace_id& trace) const;
     void drop(remote_subscriber& who);
     subscriber_info take_out(remote_subscriber& who);

@@ -50,7 +50,11 @@ public:
         if (front_word() & traced_mark) [[unlikely]]
             traces_.pop_front();
         begin_ += head_bytes + front_size();
-        if (--count_ == 0) drained();
+        if (--count_ > 0) return from;
+        // A burst's room is given back when the queue has been emptied with little in it.
+        if (content_.capacity() > kept_bytes && begin_ < content_.capacity() / 8) content_ = buffer();
+        content_.clear();
+        begin_ = 0;
         return from;
     }
 
@@ -72,6 +76,7 @@ private:
     }
 
     static constexpr std::size_t head_bytes = 24;
+    static constexpr std::size_t kept_bytes = 4 * 1024; // of an empty queue, at least
     static constexpr std::uint64_t object_mark = std::uint64_t{1} << 63;
     static constexpr std::uint64_t traced_mark = std::uint64_t{1} << 62;
     std::uint64_t front_word() const noexcept {
@@ -79,7 +84,6 @@ private:
     }
     std::size_t front_size() const noexcept { return front_word() & ~(object_mark | traced_mark); }
     void make_room(std::size_t more);
-    void drained() noexcept;
 
     buffer content_;
     ring<passed_object> objects_;

@@ -76,19 +76,4 @@ private:
     packet_origin from_;
 };
 
-/// Where packets are decoded: into one that nobody holds any more, with the memory that it has, or a new one.
-template <class Packet>
-class received_cells {
-public:
-    counted<Packet>& unheld() { ///< for the next packet
-        if (cells_[0] && cells_[0].alone()) return cells_[0];
-        std::swap(cells_[0], cells_[1]); // who assigns the next packet to the last one holds two
-        if (!cells_[0] || !cells_[0].alone()) cells_[0] = counted<Packet>::make();
-        return cells_[0];
-    }
-
-private:
-    counted<Packet> cells_[2];
-};
-
 } // namespace ise

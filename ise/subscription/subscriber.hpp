@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <optional>
+#include <utility>
 
 namespace ise {
 
@@ -141,14 +142,15 @@ public:
     }
 
     received<packet_type> take() {
-        while (auto* waiting = waiting_packet()) {
+        while (!queue_.empty()) {
+            auto waiting = queue_.front();
             if constexpr (travels_as_object<packet_type>) {
-                if (auto shared = waiting->template shared<packet_type>())
+                if (auto shared = waiting.template shared<packet_type>())
                     return received<packet_type>(std::move(shared), take_packet());
             }
-            auto& packet = cells_.unheld();
+            auto& packet = unheld();
             try {
-                decode_into(*packet, waiting->bytes());
+                decode_into(*packet, waiting.bytes());
             } catch (const error& unreadable) {
                 drop_undecodable(unreadable);
                 continue;
@@ -167,7 +169,15 @@ private:
 
     bool knows_type() const noexcept override { return travels_as_object<packet_type>; }
 
-    received_cells<packet_type> cells_;
+    // Where the next packet is decoded: into one that nobody holds any more, with the memory that it has, or a new one.
+    counted<packet_type>& unheld() {
+        if (cells_[0] && cells_[0].alone()) return cells_[0];
+        std::swap(cells_[0], cells_[1]); // who assigns the next packet to the last one holds two
+        if (!cells_[0] || !cells_[0].alone()) cells_[0] = counted<packet_type>::make();
+        return cells_[0];
+    }
+
+    counted<packet_type> cells_[2];
 };
 
 } // namespace ise

@@ -346,11 +346,6 @@ result<void> subscriber_core::on_other_packet(const packet_place& place, incomin
     return {};
 }
 
-incoming_packet* subscriber_core::waiting_packet() noexcept {
-    if (queue_.empty()) return nullptr;
-    return &front_.emplace(queue_.front());
-}
-
 void subscriber_core::drop_oldest() { gap_ = gap_of(gap_of(gap_, queue_.pop().lost_before), 1); }
 
 // The coroutine that takes the packet works for its trace from here on, unless it works for a call.

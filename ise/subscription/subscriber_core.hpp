@@ -158,12 +158,10 @@ protected:
     /// Whether it can take packets as objects of its type, where the provider is in this process.
     virtual bool knows_type() const noexcept { return false; }
 
-    /// The oldest packet that nobody has taken, as it is published here, or the object; null where there is none. Valid
-    /// until it is taken, or anything else arrives.
-    incoming_packet* waiting_packet() noexcept;
-    /// It was decoded: takes it, and says how many packets were lost before it, and when it was published.
+    /// The oldest packet of `queue_` was decoded: takes it, and returns how many packets were lost before it, and when
+    /// it was published.
     packet_origin take_packet();
-    /// It is no such packet: it is lost, and the next one tells of that.
+    /// The oldest packet of `queue_` is no such packet: it is lost, and the next one reports that.
     void drop_undecodable(const error& why);
     waiter<>::operation wait_for_packet() noexcept { return packet_.wait(); }
     /// Ends it from this side with a cause: unsubscribes.
@@ -181,6 +179,7 @@ protected:
     std::shared_ptr<subscription_owner> owner_;
     subscription_counts counts_;
     subscribe_options options_;
+    receive_queue queue_; // in this side's layout
 
 private:
     result<void> on_other_packet(const packet_place& place, incoming_packet& packet);
@@ -208,8 +207,6 @@ private:
     std::uint64_t id_ = 0;
     std::optional<wire::resumption> resume_;
     std::uint64_t next_sequence_ = 0;
-    receive_queue queue_;
-    std::optional<incoming_packet> front_;
     std::uint64_t lost_before_ = 0; // the next packet that arrives
     std::uint64_t gap_ = 0;         // before the next packet that is taken, besides what it says itself
     std::uint64_t consumed_ = 0;
