@@ -71,7 +71,7 @@ def main():
             found = page.parent / path
             if found.is_dir():
                 return ""
-            return found.read_text(encoding="utf-8") if found.is_file() else None
+            return found.read_text(encoding="utf-8", errors="replace") if found.is_file() else None  # or a picture
 
         text = page.read_text(encoding="utf-8")
         wrong += complaints(str(page.relative_to(root)), text, file_of, page.parent.name == "tutorial")
