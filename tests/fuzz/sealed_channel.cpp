@@ -115,7 +115,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     auto hear = [](seal& by, const seal& of) {
         for (const auto& part : flight_of(of)) by.take_flight(part);
     };
-    { // Changed flights, to each end: it may end the handshake, but makes no session.
+    // What TLS ignores may differ: the versions in the heads of its unencrypted records, and bytes behind the last record.
+    auto check_of_two = [](seal& called, seal& caller) {
+        if (!called.sealed()) return;
+        must(caller.sealed(), "the side that was called has a session alone");
+        must(opens(called, made_by(caller, 0)), "two sessions of one handshake");
+    };
+    { // Changed flights, to each end: where there is a session nevertheless, it is that of the two.
         auto caller = make(true, life), called = make(false, life);
         for (int at = input.next() % 8; at > 0; --at) {
             auto flight = flight_of(*caller);
@@ -124,9 +130,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             if (called->take_flight(bad))
                 for (const auto& part : flight_of(*called)) caller->take_flight(changed(input, part, 3));
         }
-        must(!called->sealed(), "a session of changed flights");
+        check_of_two(*called, *caller);
     }
-    { // One part of a true handshake is changed: where there is a session nevertheless, it is that of the two.
+    { // One part of a true handshake is changed.
         auto caller = make(true, life), called = make(false, life);
         int bad = input.next() % 8, part_number = 0;
         auto hear_one_changed = [&](seal& by, const seal& of) {
@@ -137,10 +143,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
             hear_one_changed(*called, *caller);
             hear_one_changed(*caller, *called);
         }
-        if (called->sealed()) {
-            must(caller->sealed(), "the side that was called has a session alone");
-            must(opens(*called, made_by(*caller, 0)), "two sessions of one handshake");
-        }
+        check_of_two(*called, *caller);
     }
     auto caller = make(true, life), called = make(false, life);
     hear(*called, *caller);
