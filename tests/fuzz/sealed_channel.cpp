@@ -115,7 +115,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     auto hear = [](seal& by, const seal& of) {
         for (const auto& part : flight_of(of)) by.take_flight(part);
     };
-    // What TLS ignores may differ: the versions in the heads of its unencrypted records, and bytes behind the last record.
+    // What TLS ignores may differ: the versions in the heads of its unencrypted records, and bytes behind the last
+    // record.
     auto check_of_two = [](seal& called, seal& caller) {
         if (!called.sealed()) return;
         must(caller.sealed(), "the side that was called has a session alone");
