@@ -1,13 +1,16 @@
-"""What bench/run, bench/growth, bench/check and bench/plot share: cases, running a program on its cores, medians."""
+"""What the programs of bench/ share: cases, running a program on its cores, medians, and the line of progress."""
 
 import datetime
 import json
 import os
 import platform
 import select
+import shutil
 import statistics
 import subprocess
 import sys
+import threading
+import time
 from dataclasses import dataclass, replace
 from math import comb
 from pathlib import Path
@@ -187,3 +190,48 @@ def build(*targets):
     subprocess.run([str(ROOT / "cmake" / "build"), "release", *own], check=True, stdout=sys.stderr)
     if "bench_peers" in targets:  # as many of them as can be built
         subprocess.run(["cmake", "--build", "--preset", "release", "--target", "bench_peers", "--", "-k0"], cwd=ROOT, check=False, stdout=sys.stderr)
+
+
+class Progress:
+    """A line on a terminal's standard error, twice a second: what is measured, and the time left. Elsewhere nothing."""
+
+    def __init__(self, runs):
+        self.runs, self.begun, self.text, self.began = runs, 0, "", time.monotonic()
+        self.lock, self.over = threading.Lock(), threading.Event()
+        self.shown = sys.stderr.isatty()
+        if self.shown:
+            threading.Thread(target=self.draw, daemon=True).start()
+
+    def begin(self, text):
+        self.text, self.begun = text, self.begun + 1
+
+    def line(self, now):
+        done, passed = max(0, self.begun - 1), now - self.began
+        left = f"about {length(passed / done * (self.runs - done))} left" if done else "…"
+        return f"{100 * done // self.runs:3} %  {length(passed)}, {left}  {self.text}"
+
+    def draw(self):
+        while not self.over.wait(0.5):
+            columns = shutil.get_terminal_size().columns
+            with self.lock:
+                print(f"\r\033[K{self.line(time.monotonic())[:columns - 1]}", end="", file=sys.stderr, flush=True)
+
+    def clear(self):
+        if self.shown:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+
+    def say(self, text):
+        """Prints it on standard output; the line of progress stays below."""
+        with self.lock:
+            self.clear()
+            print(text, flush=True)
+
+    def end(self):
+        self.over.set()
+        with self.lock:
+            self.clear()
+
+
+def length(seconds):
+    whole = round(seconds)
+    return f"{whole} s" if whole < 60 else f"{whole // 60} min {whole % 60:02} s" if whole < 3600 else f"{whole // 3600} h {whole // 60 % 60:02} min"

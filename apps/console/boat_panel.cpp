@@ -9,6 +9,8 @@
 #include <components/gui_client/track_store.hpp>
 #include <components/gui_client/words.hpp>
 
+#include <ise/core/time_text.hpp>
+
 #include <QComboBox>
 #include <QFrame>
 #include <QGridLayout>
@@ -258,7 +260,7 @@ void boat_panel::show_snapshot(const snapshot& seen, utc_time now) {
     beacon_->setText(beacon_on_ ? tr("Beacon off…") : tr("Beacon on…"));
     QStringList said;
     for (auto it = seen.boat.notices.rbegin(); it != seen.boat.notices.rend() && said.size() < 4; ++it)
-        said << text(iso_time(it->measured_at).substr(11, 8)) + "  " + text(it->value.text);
+        said << text(ise::iso_8601(it->measured_at).substr(11, 8)) + "  " + text(it->value.text);
     notices_->setVisible(!said.isEmpty());
     notices_->setText(said.join('\n'));
 }

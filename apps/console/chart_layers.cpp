@@ -2,6 +2,7 @@
 
 #include "theme.hpp"
 
+#include <components/gui_client/fleet_watch.hpp>
 #include <components/gui_client/freshness.hpp>
 #include <components/gui_client/mission.hpp>
 
@@ -19,6 +20,12 @@ QPainterPath hull(double length) {
     path.cubicTo(-length * 0.25, length * 0.15, -length * 0.24, -length * 0.2, 0, -length * 0.55);
     path.closeSubpath();
     return path;
+}
+
+/// 0 to 360; a boat that has not told its heading points where it goes.
+double heading_deg(const boat_view& boat) {
+    return static_cast<double>(boat.sailing ? boat.sailing->value.heading_deg
+                                            : boat.position->value.course_over_ground_deg);
 }
 
 } // namespace
@@ -149,6 +156,37 @@ void paint_target(QPainter& to, const chart_projection& projection, const chart_
     to.drawEllipse(at, 3, 3);
 }
 
+void paint_others(QPainter& to, const chart_projection& projection, const chart_scene& scene) {
+    const auto& t = colours();
+    to.setFont(font_of(11, QFont::DemiBold));
+    for (const auto& one : scene.others) {
+        const auto& boat = one.seen->boat;
+        bool stale = freshness_of(boat.position, value_kind::position, boat, scene.now) == freshness::stale;
+        auto pixel = projection.to_pixels(one.at);
+        to.save();
+        to.translate(pixel);
+        to.rotate(heading_deg(boat));
+        to.setPen(QPen(t.card, 2, Qt::SolidLine, Qt::RoundCap, Qt::RoundJoin));
+        to.setBrush(stale ? t.ink3 : t.ink2);
+        to.drawPath(hull(22));
+        to.restore();
+        QRectF label(pixel.x() + 13, pixel.y() - 9, QFontMetricsF(to.font()).horizontalAdvance(one.name) + 8, 18);
+        auto open = count_open(*one.seen);
+        if (open.worst) label.setWidth(label.width() + 12);
+        QColor back = t.card;
+        back.setAlpha(200);
+        to.setPen(Qt::NoPen);
+        to.setBrush(back);
+        to.drawRoundedRect(label, 4, 4);
+        to.setPen(stale ? t.ink3 : t.ink2);
+        to.drawText(label.adjusted(4, 0, 0, 0), Qt::AlignVCenter, one.name);
+        if (!open.worst) continue;
+        to.setPen(Qt::NoPen);
+        to.setBrush(t.of(open.worst->how));
+        to.drawEllipse(QPointF(label.right() - 8, label.center().y()), 4, 4);
+    }
+}
+
 void paint_boat(QPainter& to, const chart_projection& projection, const chart_scene& scene) {
     auto at = scene.boat();
     if (!at) return;
@@ -156,8 +194,6 @@ void paint_boat(QPainter& to, const chart_projection& projection, const chart_sc
     const auto& fix = *scene.seen->boat.position;
     auto how = freshness_of(scene.seen->boat.position, value_kind::position, scene.seen->boat, scene.now);
     auto pixel = projection.to_pixels(*at);
-    double heading = static_cast<double>(scene.seen->boat.sailing ? scene.seen->boat.sailing->value.heading_deg
-                                                                  : fix.value.course_over_ground_deg);
     // Where it goes in the next two minutes.
     double ahead = static_cast<double>(fix.value.speed_over_ground_mps) * 120 / projection.metres_per_pixel;
     if (how != freshness::stale && ahead > 6) {
@@ -183,7 +219,7 @@ void paint_boat(QPainter& to, const chart_projection& projection, const chart_sc
     }
     to.save();
     to.translate(pixel);
-    to.rotate(heading);
+    to.rotate(heading_deg(scene.seen->boat));
     QColor body = how == freshness::stale ? t.ink3 : t.hull;
     to.setPen(QPen(t.card, 2.2, Qt::SolidLine, Qt::RoundCap, Qt::RoundJoin));
     to.setBrush(body);

@@ -21,6 +21,8 @@ void paint_fence(QPainter& to, const chart_projection& projection, const chart_s
 void paint_mission(QPainter& to, const chart_projection& projection, const chart_scene& scene);
 /// A place that the operator is asked about.
 void paint_target(QPainter& to, const chart_projection& projection, const chart_scene& scene, const waypoint& target);
+/// The other boats of the fleet: their headings, names, and a mark for open alarms.
+void paint_others(QPainter& to, const chart_projection& projection, const chart_scene& scene);
 /// The boat by its heading, where it goes next, and how uncertain that is.
 void paint_boat(QPainter& to, const chart_projection& projection, const chart_scene& scene);
 

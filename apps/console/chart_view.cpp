@@ -1,5 +1,6 @@
 #include "chart_view.hpp"
 
+#include "boat_words.hpp"
 #include "chart_furniture.hpp"
 #include "chart_layers.hpp"
 #include "theme.hpp"
@@ -8,11 +9,13 @@
 #include <components/gui_client/freshness.hpp>
 
 #include <QContextMenuEvent>
+#include <QHelpEvent>
 #include <QKeyEvent>
 #include <QMenu>
 #include <QMouseEvent>
 #include <QPainter>
 #include <QPainterPath>
+#include <QToolTip>
 
 #include <cmath>
 #include <utility>
@@ -39,10 +42,22 @@ void chart_view::show_snapshot(std::shared_ptr<const snapshot> seen, utc_time no
         fit();
         zoom(0.6); // some of the coast beside them
     }
-    setAccessibleDescription(
+    describe();
+}
+
+void chart_view::show_others(std::vector<other_boat> others) {
+    scene_.others = std::move(others);
+    describe();
+}
+
+void chart_view::describe() {
+    auto boat = scene_.boat();
+    auto words =
         boat ? tr("The boat at %1, %2")
-                   .arg(place_text(*boat), text(age_text(age_s(now, scene_.seen->boat.position->measured_at))))
-             : tr("No boat heard yet"));
+                   .arg(place_text(*boat), text(age_text(age_s(scene_.now, scene_.seen->boat.position->measured_at))))
+             : tr("No boat heard yet");
+    for (const auto& one : scene_.others) words += tr("; %1 at %2").arg(one.name, place_text(one.at));
+    setAccessibleDescription(words);
     update();
 }
 
@@ -84,6 +99,29 @@ std::vector<waypoint> chart_view::everything() const {
 void chart_view::fit() {
     viewport_.fit(everything());
     update();
+}
+
+void chart_view::fit_fleet() {
+    std::vector<waypoint> all;
+    for (const auto& one : scene_.others) all.push_back(one.at);
+    if (auto boat = scene_.boat()) all.push_back(*boat);
+    set_follow(false); // else the next report would move it back
+    viewport_.fit(all);
+    update();
+}
+
+const other_boat* chart_view::other_at(QPointF at) const {
+    constexpr double reach = 14;
+    const other_boat* nearest = nullptr;
+    double least = reach;
+    for (const auto& one : scene_.others) {
+        auto from = viewport_.projection.to_pixels(one.at) - at;
+        if (auto far = std::hypot(from.x(), from.y()); far <= least) {
+            least = far;
+            nearest = &one;
+        }
+    }
+    return nearest;
 }
 
 void chart_view::zoom(double factor) { zoom_at(factor, QPointF(width() / 2.0, height() / 2.0)); }
@@ -128,6 +166,7 @@ void chart_view::paintEvent(QPaintEvent*) {
     paint_mission(to, shown, scene_);
     editor_.paint(to);
     if (asked_) paint_target(to, shown, scene_, *asked_);
+    paint_others(to, shown, scene_);
     paint_boat(to, shown, scene_);
     ruler_.paint(to, shown, pointer_);
     paint_scale(to, shown);
@@ -183,6 +222,7 @@ void chart_view::mouseReleaseEvent(QMouseEvent* event) {
 
 void chart_view::mouseDoubleClickEvent(QMouseEvent* event) {
     if (editing() || measuring()) return mousePressEvent(event);
+    if (const auto* other = other_at(event->position())) return Q_EMIT boat_wanted(other->number);
     set_follow(false);
     zoom_at(2, event->position());
 }
@@ -212,6 +252,22 @@ void chart_view::keyPressEvent(QKeyEvent* event) {
     QWidget::keyPressEvent(event);
 }
 
+bool chart_view::event(QEvent* event) {
+    if (event->type() != QEvent::ToolTip) return QWidget::event(event);
+    auto* help = static_cast<QHelpEvent*>(event);
+    const auto* other = other_at(QPointF(help->pos()));
+    if (!other) {
+        QToolTip::hideText();
+        return true;
+    }
+    auto state = state_of(*other->seen, scene_.now);
+    QToolTip::showText(
+        help->globalPos(),
+        tr("%1: %2, %3; a double click shows it").arg(other->name, state.words, mode_words(*other->seen, scene_.now)),
+        this);
+    return true;
+}
+
 void chart_view::leaveEvent(QEvent*) {
     pointer_.reset();
     update();
@@ -230,6 +286,9 @@ void chart_view::contextMenuEvent(QContextMenuEvent* event) {
     auto* head = menu.addAction(place_text(there));
     head->setEnabled(false);
     menu.addSeparator();
+    if (const auto* other = other_at(at))
+        connect(menu.addAction(tr("Show %1").arg(other->name)), &QAction::triggered, this,
+                [this, number = other->number] { Q_EMIT boat_wanted(number); });
     connect(menu.addAction(tr("Sail here…")), &QAction::triggered, this, [this, there] { Q_EMIT sail_wanted(there); });
     connect(menu.addAction(tr("Add to the list edited here")), &QAction::triggered, this,
             [this, there] { insert_at(there); });

@@ -22,6 +22,8 @@ public:
     explicit chart_view(mission_draft& draft, QWidget* parent = nullptr);
 
     void show_snapshot(std::shared_ptr<const snapshot> seen, utc_time now);
+    /// The other boats of the fleet: those whose place is known.
+    void show_others(std::vector<other_boat> others);
     chart_projection& projection() noexcept { return viewport_.projection; }
     bool following() const noexcept { return viewport_.following(); }
     bool editing() const noexcept { return editor_.on(); }
@@ -32,8 +34,10 @@ public:
     void set_measure(bool on);
     /// Only the track of so many seconds is drawn; 0: all.
     void set_tail(double seconds);
-    /// All of track and waypoints.
+    /// The boat and all waypoints.
     void fit();
+    /// All boats of the fleet.
+    void fit_fleet();
     void zoom(double factor);
     /// As it was left: no more fitting when the boat is found.
     void place(const waypoint& centre, double metres_per_pixel);
@@ -45,6 +49,8 @@ Q_SIGNALS:
     void edit_refused(const QString& why);
     /// The operator wants the boat to go there.
     void sail_wanted(const waypoint& place);
+    /// The operator wants to see that boat instead.
+    void boat_wanted(std::size_t boat);
 
 protected:
     void paintEvent(QPaintEvent*) override;
@@ -58,9 +64,13 @@ protected:
     void leaveEvent(QEvent*) override;
     void changeEvent(QEvent*) override;
     void contextMenuEvent(QContextMenuEvent*) override;
+    bool event(QEvent*) override;
 
 private:
+    void describe(); ///< for a screen reader
     std::vector<waypoint> everything() const;
+    /// The other boat under that pixel; null: none.
+    const other_boat* other_at(QPointF at) const;
     void zoom_at(double factor, QPointF at);
     void pan(QPointF by);
     void insert_at(const waypoint& place);

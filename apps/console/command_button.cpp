@@ -5,6 +5,8 @@
 #include <components/gui_client/track_store.hpp>
 #include <components/gui_client/words.hpp>
 
+#include <ise/core/time_text.hpp>
+
 #include <QMenu>
 
 #include <algorithm>
@@ -68,7 +70,7 @@ void command_button::fill_menu() {
         to->addSeparator();
         auto* result = to->addAction(
             tr("%1 UTC: %2")
-                .arg(console::text(iso_time(seen_.state.since).substr(11, 5)), console::text(seen_.state.how)));
+                .arg(console::text(ise::iso_8601(seen_.state.since).substr(11, 5)), console::text(seen_.state.how)));
         result->setEnabled(false);
     }
 }

@@ -16,6 +16,8 @@
 #include <components/gui_client/track_store.hpp>
 #include <components/gui_client/words.hpp>
 
+#include <ise/core/time_text.hpp>
+
 #include <QHBoxLayout>
 #include <QLabel>
 #include <QMenuBar>
@@ -95,7 +97,7 @@ void console_window::show_head(utc_time at) {
     record_mark_->setVisible(recorder_.running());
     record_mark_->setText(tr("● REC %1").arg(recorder_.written()));
     set_sheet(record_mark_, pill(t.bad, t.bad_back));
-    clock_->setText(text(iso_time(at).substr(11, 8)) + " UTC");
+    clock_->setText(text(ise::iso_8601(at).substr(11, 8)) + " UTC");
 }
 
 /// Null where there is one boat.
@@ -177,12 +179,11 @@ void console_window::show_alarm_strip() {
     }
     const auto& [boat, first] = open_alarms.front();
     auto told = text(fleet_.labelled(boat, first.text));
-    auto ink = first.how == severity::critical ? t.bad : first.how == severity::warning ? t.warn : t.accent;
     auto back = first.how == severity::critical  ? t.bad_back
                 : first.how == severity::warning ? t.warn_back
                                                  : t.notice_back;
-    set_sheet(strip_, strip_sheet(back, ink, 600));
-    auto words = QStringLiteral("%1  %2").arg(text(iso_time(first.raised_at).substr(11, 8)), told);
+    set_sheet(strip_, strip_sheet(back, t.of(first.how), 600));
+    auto words = QStringLiteral("%1  %2").arg(text(ise::iso_8601(first.raised_at).substr(11, 8)), told);
     if (first.over_at) words += tr("  (over)");
     if (open > 1) words += tr("   + %1 more").arg(open - 1);
     strip_text_->setText(words);

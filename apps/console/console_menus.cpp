@@ -55,6 +55,10 @@ void console_window::make_menus() {
         chart_->set_measure(on);
     });
     add(view, tr("&Boat and waypoints"), QKeySequence("Home"), [this] { chart_->fit(); });
+    if (fleet_.size() > 1) {
+        auto* all = add(view, tr("&All boats"), QKeySequence("Shift+Home"), [this] { chart_->fit_fleet(); });
+        all->setObjectName("all_boats");
+    }
     add(view, tr("Nearer"), QKeySequence("+"), [this] { chart_->zoom(1.5); });
     add(view, tr("Farther"), QKeySequence("-"), [this] { chart_->zoom(1 / 1.5); });
     auto* tail = view->addMenu(tr("&Track shown"));

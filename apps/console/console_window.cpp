@@ -16,6 +16,8 @@
 
 #include <components/gui_client/track_store.hpp>
 
+#include <ise/core/time_text.hpp>
+
 #include <QApplication>
 #include <QDir>
 #include <QFile>
@@ -118,6 +120,8 @@ void console_window::connect_middle() {
     connect(chart_, &chart_view::edit_refused, this, &console_window::say);
     connect(chart_, &chart_view::sail_wanted, &actions_, &operator_actions::sail_there);
     connect(chart_, &chart_view::follow_changed, follow_, &QAction::setChecked);
+    // Queued: the chart is replaced by the switch.
+    connect(chart_, &chart_view::boat_wanted, this, &console_window::show_boat, Qt::QueuedConnection);
     connect(mission_, &mission_panel::edit_wanted, edit_, &QAction::setChecked);
 }
 
@@ -237,6 +241,11 @@ void console_window::refresh() {
 void console_window::show_fleet(utc_time at) {
     if (boats_) {
         boats_->show_fleet(fleet_, shown_, at);
+        std::vector<other_boat> others;
+        for (std::size_t boat = 0; boat < fleet_.size(); ++boat)
+            if (auto place = place_of(*fleet_.seen(boat)); place && boat != shown_)
+                others.push_back({boat, QString::fromStdString(fleet_.name(boat)), fleet_.seen(boat), *place});
+        chart_->show_others(std::move(others));
         for (std::size_t boat = 0; boat < fleet_.size(); ++boat) {
             auto open = count_open(*fleet_.seen(boat)).count;
             auto name = QString::fromStdString(fleet_.name(boat));
@@ -269,7 +278,7 @@ void console_window::write_alarm_log() {
     QString lines;
     for (const auto& [boat, one] : events)
         lines += QStringLiteral("%1\t%2\t%3\t%4\n")
-                     .arg(text(iso_time(one.at)), text(std::string(name_of(one.how))),
+                     .arg(text(ise::iso_8601(one.at, 3)), text(std::string(name_of(one.how))),
                           text(std::string(name_of(one.what))), text(fleet_.labelled(boat, one.text)).simplified());
     auto folder = QFileInfo(path).absolutePath();
     constexpr qint64 most = 4 << 20; // then the one before is forgotten
@@ -330,7 +339,7 @@ void console_window::fit_instruments(int height) {
 }
 
 void console_window::export_track(bool gpx) {
-    auto name = boat_name().toLower().replace(' ', '-') + text(iso_time(now()).substr(0, 10)).prepend('-') +
+    auto name = boat_name().toLower().replace(' ', '-') + text(ise::iso_8601(now()).substr(0, 10)).prepend('-') +
                 (gpx ? ".gpx" : ".csv");
     auto path =
         QFileDialog::getSaveFileName(this, tr("Export the track"), name, gpx ? tr("GPX (*.gpx)") : tr("CSV (*.csv)"));
@@ -354,7 +363,7 @@ QString console_window::import_route(const QString& path) {
 }
 
 QString console_window::export_route(const QString& path) const {
-    auto name = boat_name() + " " + text(iso_time(now()).substr(0, 10));
+    auto name = boat_name() + " " + text(ise::iso_8601(now()).substr(0, 10));
     return write_file(path, route_to_gpx(name, desks_[shown_].draft->points()));
 }
 
@@ -380,8 +389,9 @@ void console_window::toggle_recording(bool on) {
         recorder_.stop();
         return refresh();
     }
-    auto path = QFileDialog::getSaveFileName(
-        this, tr("Record every packet"), "packets-" + text(iso_time(now()).substr(0, 10)) + ".csv", tr("CSV (*.csv)"));
+    auto path =
+        QFileDialog::getSaveFileName(this, tr("Record every packet"),
+                                     "packets-" + text(ise::iso_8601(now()).substr(0, 10)) + ".csv", tr("CSV (*.csv)"));
     auto trouble = path.isEmpty() ? tr("Nothing is recorded") : recorder_.start(path);
     recorded_ = shown_; // and stays that boat's when another one is shown
     if (!trouble.isEmpty()) {

@@ -69,10 +69,7 @@ void fleet_list::show_fleet(const fleet_watch& fleet, std::size_t shown, utc_tim
                  heard ? tr("last contact at %1").arg(clock_of(*heard)) : tr("not heard yet"));
         set_cell(table_, row, 3, mode_words(seen, now), t.ink2);
         auto open = count_open(seen);
-        auto ink = !open.worst                             ? t.ink3
-                   : open.worst->how == severity::critical ? t.bad
-                   : open.worst->how == severity::warning  ? t.warn
-                                                           : t.accent;
+        auto ink = open.worst ? t.of(open.worst->how) : t.ink3;
         set_cell(table_, row, 4, open.worst ? QStringLiteral("● %1").arg(open.count) : QStringLiteral("–"), ink,
                  open.worst ? text(open.worst->text) : tr("no open alarm"));
     }

@@ -6,6 +6,8 @@
 
 #include <components/gui_client/track_store.hpp>
 
+#include <ise/core/time_text.hpp>
+
 #include <QGridLayout>
 #include <QPainter>
 
@@ -237,7 +239,7 @@ void instrument_panel::show_boat(const boat_view& boat, utc_time now) {
     xte_->show_value(whole(std::abs(off)), off > 0.5 ? tr("m R") : off < -0.5 ? tr("m L") : tr("m"), leg_how, nav_age);
     auto left = on_legs ? time_to_waypoint_s(boat) : std::nullopt;
     auto then = now + std::chrono::seconds(static_cast<long long>(left.value_or(0)));
-    eta_->show_value(left ? duration_text(*left) : QString(), text(iso_time(then).substr(11, 5)),
+    eta_->show_value(left ? duration_text(*left) : QString(), text(ise::iso_8601(then).substr(11, 5)),
                      left ? std::max(way_how, fix_how) : freshness::none, std::max(fix_age, nav_age));
     wind breeze = boat.breeze ? boat.breeze->value : wind();
     wind_->show_value(degrees(static_cast<double>(breeze.true_direction_deg)) + "°",

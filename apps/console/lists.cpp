@@ -7,6 +7,8 @@
 #include <components/gui_client/track_store.hpp>
 #include <components/gui_client/words.hpp>
 
+#include <ise/core/time_text.hpp>
+
 #include <QHeaderView>
 #include <QLabel>
 #include <QPushButton>
@@ -236,10 +238,7 @@ void alarm_list::show_snapshot(const snapshot& seen, utc_time) {
     table_->setRowCount(static_cast<int>(seen.alarms.size()));
     int row = 0;
     for (const auto& one : seen.alarms) {
-        auto ink = one.acknowledged || one.over_at ? t.ink2
-                   : one.how == severity::critical ? t.bad
-                   : one.how == severity::warning  ? t.warn
-                                                   : t.accent;
+        auto ink = one.acknowledged || one.over_at ? t.ink2 : t.of(one.how);
         set_cell(table_, row, 0, clock_of(one.raised_at), t.ink3);
         set_cell(table_, row, 1, text(one.text), ink);
         set_cell(table_, row, 2,
@@ -262,11 +261,8 @@ void alarm_list::show_log(const snapshot& seen) {
     int row = 0;
     for (auto it = logged_->rbegin(); it != logged_->rend(); ++it, ++row) {
         bool grave = it->what == alarm_change::raised || it->what == alarm_change::more_severe;
-        auto ink = !grave                          ? t.ink2
-                   : it->how == severity::critical ? t.bad
-                   : it->how == severity::warning  ? t.warn
-                                                   : t.accent;
-        set_cell(log_, row, 0, clock_of(it->at), t.ink3, text(iso_time(it->at)));
+        auto ink = grave ? t.of(it->how) : t.ink2;
+        set_cell(log_, row, 0, clock_of(it->at), t.ink3, text(ise::iso_8601(it->at, 3)));
         set_cell(log_, row, 1, text(it->text), ink);
         set_cell(log_, row, 2, text(std::string(name_of(it->what))), t.ink2, text(std::string(name_of(it->how))));
     }

@@ -34,9 +34,9 @@ struct arguments {
     std::string name_server, operator_name, boat, screenshot, size, tab, settings;
     std::vector<std::string> spaces{std::string(atirma::first_boat)};
     std::size_t boats = 1;
-    std::string fence, alarm_player, alarm_hook, mail_server, mail_user, mail_from, alarms_from = "critical";
+    std::string alarm_player, alarm_hook, mail_server, mail_user, mail_from, alarms_from = "critical";
     std::vector<std::string> mail_to;
-    std::vector<std::string> proxies;
+    std::vector<std::string> proxies, fences;
     bool night = false;
     double after_s = 10;
 };
@@ -105,6 +105,46 @@ QStringList names_of(const arguments& given, const std::vector<std::string>& spa
     return made;
 }
 
+/// Of `--fence FILE`, for all boats, or `--fence NAMESPACE=FILE`.
+struct fence_option {
+    std::optional<std::size_t> boat; ///< empty: all boats
+    std::string file;
+};
+
+/// Throws if two files are given for all boats, or for one of them.
+std::vector<fence_option> fences_of(const arguments& given, const std::vector<std::string>& spaces) {
+    std::vector<fence_option> made;
+    for (const auto& words : given.fences) {
+        fence_option one{std::nullopt, words};
+        auto split = words.find('=');
+        if (auto named = std::ranges::find(spaces, words.substr(0, split));
+            split != std::string::npos && named != spaces.end())
+            one = {static_cast<std::size_t>(named - spaces.begin()), words.substr(split + 1)};
+        if (std::ranges::any_of(made, [&](const auto& before) { return before.boat == one.boat; }))
+            throw ise::error(ise::errc::invalid_argument,
+                             fmt::format("--fence names two files for {}: '{}' is the second",
+                                         one.boat ? "the boat " + spaces[*one.boat] : "all boats", one.file));
+        made.push_back(std::move(one));
+    }
+    return made;
+}
+
+/// Of each boat: the coast, and its own fence or that of all boats.
+std::vector<std::shared_ptr<const atirma::sea_limits>> limits_of(const arguments& given,
+                                                                 const std::vector<std::string>& spaces,
+                                                                 ise::environment& world) {
+    auto of_all = atirma::sea_limits::coast_only();
+    std::vector<std::shared_ptr<const atirma::sea_limits>> own(spaces.size());
+    for (const auto& [boat, file] : fences_of(given, spaces)) {
+        auto text = world.read_file(file, atirma::geofence::max_bytes + 1).value();
+        (boat ? own[*boat] : of_all) =
+            std::make_shared<const atirma::sea_limits>(atirma::geofence::parse(text, file).value());
+    }
+    for (auto& limits : own)
+        if (!limits) limits = of_all;
+    return own;
+}
+
 void set_outlets(atirma::console::alarm_outlet_options& to, const arguments& given) {
     using atirma::console::severity;
     to.at_least = given.alarms_from == "notice"    ? severity::notice
@@ -151,11 +191,6 @@ int run(const arguments& given, int count, char** words) {
                                                          : ise::parse_name_servers(given.name_server).value();
         terms.name_servers = options.name_servers;
     }
-    if (!given.fence.empty()) {
-        auto text = world.read_file(given.fence, atirma::geofence::max_bytes + 1).value();
-        options.state.sea =
-            std::make_shared<const atirma::sea_limits>(atirma::geofence::parse(text, given.fence).value());
-    }
     set_outlets(options.outlets, given);
     ise::node node(world, std::move(terms));
     auto who = given.operator_name.empty()
@@ -164,12 +199,14 @@ int run(const arguments& given, int count, char** words) {
                    : given.operator_name;
     auto spaces = spaces_of(given);
     auto names = names_of(given, spaces);
+    auto limits = limits_of(given, spaces, world);
     std::vector<std::shared_ptr<atirma::console::operator_port>> ports;
     for (std::size_t boat = 0; boat < spaces.size(); ++boat) { // a component for each: no code there knows another boat
         auto own = options;
         own.space = spaces[boat];
         own.communication = own.space + "/communication";
         if (boat == 0) own.proxies = given.proxies;
+        own.state.sea = limits[boat];
         own.outlets.boat = names[static_cast<int>(boat)].toStdString();
         own.port = std::make_shared<atirma::console::operator_port>();
         ports.push_back(own.port);
@@ -249,7 +286,10 @@ int main(int count, char** words) {
     app.add_option("--settings", given.settings,
                    "file for window, units, alarm limits and the edited list, or none "
                    "(default: atirma/console.ini in the user's configuration folder)");
-    app.add_option("--fence", given.fence, "GeoJSON file of the area that the boat does not leave");
+    app.add_option("--fence", given.fences,
+                   "GeoJSON file of the area that the boats do not leave, or NAMESPACE=FILE for one boat")
+        ->type_name("[NAMESPACE=]FILE")
+        ->delimiter(',');
     app.add_option("--alarm-player", given.alarm_player,
                    "program that plays a WAV file, or none (default: pw-play, paplay or aplay)");
     app.add_option("--alarm-hook", given.alarm_hook, "URL of a web hook that gets each alarm (POST, JSON)");
@@ -286,9 +326,11 @@ int main(int count, char** words) {
             if (std::ranges::count(given.spaces, space) > 1)
                 throw ise::error(ise::errc::invalid_argument, fmt::format("--namespace has '{}' twice", space));
         }
-        if (auto named = spaces_of(given).size(); named > max_boats)
+        auto spaces = spaces_of(given);
+        if (spaces.size() > max_boats)
             throw ise::error(ise::errc::invalid_argument,
-                             fmt::format("{} boats are given; one console shows {} at most", named, max_boats));
+                             fmt::format("{} boats are given; one console shows {} at most", spaces.size(), max_boats));
+        fences_of(given, spaces);
     } catch (const ise::error& why) {
         complain(why.what());
         return 2;

@@ -4,6 +4,8 @@
 
 #include <components/gui_client/track_store.hpp>
 
+#include <ise/core/time_text.hpp>
+
 #include <QObject>
 #include <QSaveFile>
 
@@ -37,9 +39,10 @@ QString recorder::take(const snapshot& seen) {
         auto message = parse_telemetry(p.raw);
         std::string hex;
         for (auto byte : p.raw) hex += fmt::format("{:02x}", std::to_integer<unsigned>(byte));
-        lines += fmt::format("{},{},{},{},{},{},{},{},{},{},{}\n", one->number, iso_time(one->arrived_at),
-                             iso_time(p.measured_at), iso_time(p.received_at), one->path, name_of(p.link), p.boot,
-                             p.sequence, p.history ? 1 : 0, message ? name_of(message->body) : "malformed", hex);
+        lines +=
+            fmt::format("{},{},{},{},{},{},{},{},{},{},{}\n", one->number, ise::iso_8601(one->arrived_at, 3),
+                        ise::iso_8601(p.measured_at, 3), ise::iso_8601(p.received_at, 3), one->path, name_of(p.link),
+                        p.boot, p.sequence, p.history ? 1 : 0, message ? name_of(message->body) : "malformed", hex);
     }
     if (lines.empty()) return {};
     bool good = file_.write(lines.data(), static_cast<qint64>(lines.size())) == static_cast<qint64>(lines.size()) &&

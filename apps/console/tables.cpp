@@ -4,6 +4,8 @@
 
 #include <components/gui_client/track_store.hpp>
 
+#include <ise/core/time_text.hpp>
+
 #include <QHeaderView>
 #include <QTableWidget>
 #include <QVBoxLayout>
@@ -37,7 +39,7 @@ void set_cell(QTableWidget* table, int row, int column, const QString& words, co
     item->setToolTip(tip.isEmpty() ? words : tip);
 }
 
-QString clock_of(utc_time at) { return text(iso_time(at).substr(11, 8)); }
+QString clock_of(utc_time at) { return text(ise::iso_8601(at).substr(11, 8)); }
 
 QVBoxLayout* column_of(QWidget* of) {
     auto* made = new QVBoxLayout(of);

@@ -156,6 +156,15 @@ const QColor& theme::of(freshness how) const {
     return ink3;
 }
 
+const QColor& theme::of(severity how) const {
+    switch (how) {
+        case severity::critical: return bad;
+        case severity::warning: return warn;
+        case severity::notice: break;
+    }
+    return accent;
+}
+
 const QColor& theme::ink_of(freshness how) const {
     switch (how) {
         case freshness::fresh: return ink;

@@ -1,4 +1,5 @@
 #pragma once
+#include <components/gui_client/alarm.hpp>
 #include <components/gui_client/freshness.hpp>
 
 #include <QColor>
@@ -27,6 +28,8 @@ struct theme {
     }
     /// The colour of the mark for a value's age.
     const QColor& of(freshness how) const;
+    /// The colour of an alarm that is not acknowledged.
+    const QColor& of(severity how) const;
     /// The colour of the value itself.
     const QColor& ink_of(freshness how) const;
 };

@@ -10,6 +10,7 @@
 #include <ise/access/policy.hpp>
 #include <ise/component/access_services.hpp>
 #include <ise/core/real/environment.hpp>
+#include <ise/core/time_text.hpp>
 #include <ise/naming/services.hpp>
 
 #include <fmt/format.h>
@@ -284,7 +285,7 @@ task<> ask_policy(context in, std::string path, std::shared_ptr<std::vector<poli
         if (response) {
             made.file = response->file;
             made.hash = response->hash;
-            made.read_at = show_wall(response->read_at);
+            made.read_at = iso_8601(response->read_at);
             made.identity = response->who;
             made.problem = response->problem;
         } else if (response.error().code() == errc::no_such_service) {

@@ -9,6 +9,7 @@
 #include "text.hpp"
 
 #include <ise/core/loop.hpp>
+#include <ise/core/time_text.hpp>
 #include <ise/service/service_host.hpp>
 #include <ise/service/session.hpp>
 
@@ -96,7 +97,7 @@ task<> learn_access(context& in, learn_options options) {
         throw problem(exit_code::failed, "nothing_seen",
                       "nothing was seen that a policy could allow, and an empty one forbids everything",
                       "ise graph shows what is used now");
-    learned_head head{show_wall(in.self.wall()), show_duration(in.self.now() - began), seen.looks(), seen.components()};
+    learned_head head{iso_8601(in.self.wall()), show_duration(in.self.now() - began), seen.looks(), seen.components()};
     auto text = policy_text(outcome, head);
     if (auto wrong = objection_to_policy(text, outcome); !wrong.empty())
         throw problem(exit_code::failed, "unexpected", "the policy that was made cannot be used: " + wrong);

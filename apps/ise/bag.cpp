@@ -7,6 +7,7 @@
 #include <ise/bag/recording.hpp>
 #include <ise/bag/recover.hpp>
 #include <ise/bag/writer.hpp>
+#include <ise/core/time_text.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/packet/detail/text_forms.hpp>
 #include <ise/packet/json.hpp>
@@ -176,8 +177,8 @@ bag_answer describe(const std::string& path, bag::depth how) {
     made.messages = about.statistics.message_count;
     made.chunks = about.statistics.chunk_count;
     if (made.messages > 0) {
-        made.start = show_wall(wall_of(about.statistics.message_start_time));
-        made.end = show_wall(wall_of(about.statistics.message_end_time));
+        made.start = iso_8601(wall_of(about.statistics.message_start_time));
+        made.end = iso_8601(wall_of(about.statistics.message_end_time));
         made.length_s = wall_of(about.statistics.message_end_time) - wall_of(about.statistics.message_start_time);
     }
     for (const auto& [id, channel] : about.channels) {

@@ -7,6 +7,7 @@
 #include "text.hpp"
 
 #include <ise/component/introspection.hpp>
+#include <ise/core/time_text.hpp>
 #include <ise/service/action.hpp>
 #include <ise/service/resolver.hpp>
 #include <ise/service/service_host.hpp>
@@ -133,7 +134,7 @@ description description_of(const component_info& about, const std::string& ident
         if (!one.who.empty()) made.sessions.back().who = one.who;
     }
     for (const auto& one : about.waits) {
-        made.waits.push_back({one.target, {}, one.stage, show_wall(one.since), one.cause, one.waited});
+        made.waits.push_back({one.target, {}, one.stage, iso_8601(one.since), one.cause, one.waited});
         if (!one.service.empty()) made.waits.back().service = one.service;
     }
     return made;

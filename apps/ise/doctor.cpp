@@ -7,6 +7,8 @@
 #include "survey.hpp"
 #include "text.hpp"
 
+#include <ise/core/time_text.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -133,7 +135,7 @@ task<> conclude(context& in, std::vector<finding> found, std::vector<surveyed> a
         std::ranges::count_if(found, [](const finding& one) { return one.severity != severity_level::note; }));
     std::string text;
     if (in.set.json) {
-        diagnosis result{bad == 0, show_wall(in.self.wall()), all.size(), std::move(found)};
+        diagnosis result{bad == 0, iso_8601(in.self.wall()), all.size(), std::move(found)};
         text = json_line(result);
     } else {
         text = as_text(found);

@@ -4,6 +4,7 @@
 #include "text.hpp"
 
 #include <ise/component/discover.hpp>
+#include <ise/core/time_text.hpp>
 #include <ise/packet/compatibility.hpp>
 #include <ise/service/use_book.hpp>
 
@@ -336,7 +337,7 @@ std::string wait_line(const wait_info& of) {
     if (of.stage == "unreached") what = fmt::format("its last call of {} reached no provider, and none has", whom);
     else if (!of.service.empty())
         what += of.stage == "provider" ? ", with which there is no session," : ", which is not found,";
-    return fmt::format("{} since {} ({}){}{}", what, show_wall(of.since), show_duration(of.waited),
+    return fmt::format("{} since {} ({}){}{}", what, iso_8601(of.since), show_duration(of.waited),
                        of.cause.empty() ? "" : ": ", of.cause);
 }
 

@@ -6,6 +6,7 @@
 #include "survey.hpp"
 #include "text.hpp"
 
+#include <ise/core/time_text.hpp>
 #include <ise/session/contract.hpp>
 
 #include <memory>
@@ -50,7 +51,7 @@ struct connection_graph {
 
 connection_graph as_answer(const drawn_graph& of, wall_time at) {
     connection_graph made;
-    made.asked_at = show_wall(at);
+    made.asked_at = iso_8601(at);
     for (const auto& one : of.components) {
         graph_component component{one.name.path,
                                   one.about ? one.about->state : one.name.state,

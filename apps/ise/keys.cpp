@@ -7,6 +7,7 @@
 #include "text.hpp"
 
 #include <ise/core/real/environment.hpp>
+#include <ise/core/time_text.hpp>
 
 #include <fmt/format.h>
 
@@ -122,7 +123,7 @@ std::string make_authority(const settings& set, const keys_options& given) {
     make_folder(given.authority);
     write_new(in(given.authority, "ca-key.pem"), made.key, secret_mode);
     write_new(in(given.authority, "ca.pem"), made.certificate, public_mode);
-    done_line line{"ca", in(given.authority, "ca.pem"), "ise://" + given.system, show_wall(now() + valid)};
+    done_line line{"ca", in(given.authority, "ca.pem"), "ise://" + given.system, iso_8601(now() + valid)};
     return done_text(set, line,
                      fmt::format("{} signs for ise://{}/ until {}; keep {} on this machine", line.file, given.system,
                                  *line.until, in(given.authority, "ca-key.pem")));
@@ -162,7 +163,7 @@ std::string issue(const settings& set, const keys_options& given) {
         write_new(target, made, public_mode);
         replace(in(folder, "ca.pem"), by.who.trusted(), public_mode);
         auto known = pki::describe(made, target).front();
-        done_line line{"issue", target, known.identity, show_wall(*known.until)};
+        done_line line{"issue", target, known.identity, iso_8601(*known.until)};
         text += done_text(set, line, fmt::format("{} is for {} until {}", target, known.identity, *line.until));
     }
     return text;
@@ -255,13 +256,13 @@ std::string renew_once(const settings& set, const keys_options& given, bool news
             by.file(made);
             replace(file, made, public_mode);
             known = pki::describe(made, file).front();
-            done_line line{"renew", file, known.identity, show_wall(*known.until)};
+            done_line line{"renew", file, known.identity, iso_8601(*known.until)};
             text += done_text(set, line, fmt::format("{} is for {} until {}", file, known.identity, *line.until));
         } else if (!news) {
-            done_line line{"nothing", file, known.identity, show_wall(*known.until)};
+            done_line line{"nothing", file, known.identity, iso_8601(*known.until)};
             text += done_text(set, line,
                               fmt::format("{} is good until {}, and renewed from {} on", file, *line.until,
-                                          show_wall(*known.renew_at())));
+                                          iso_8601(*known.renew_at())));
         }
         if (auto trusted = in(folder, "ca.pem"); !is_there(trusted) || read_public(trusted) != by.who.trusted())
             replace(trusted, by.who.trusted(), public_mode);
@@ -313,7 +314,7 @@ std::string revoke(const settings& set, const keys_options& given) {
                           "ise keys show FILE says what a file is");
         for (const auto& one : found) {
             auto known = pki::describe(one, certificate).front();
-            done_line line{"revoke", known.serial, known.identity, show_wall(now() + valid)};
+            done_line line{"revoke", known.serial, known.identity, iso_8601(now() + valid)};
             text += done_text(set, line, fmt::format("revoked: {} of {}", known.serial, known.identity));
             all.push_back(one);
         }
@@ -328,7 +329,7 @@ std::string revoke(const settings& set, const keys_options& given) {
     auto rest = given.into.empty() ? fmt::format("ise keys renew FOLDER puts it into the ca.pem of a host")
                                    : fmt::format("it is in the ca.pem of {}", enumerate(given.into));
     return text + fmt::format("{} lists them until {}; {}\n", in(given.authority, "revoked.pem"),
-                              show_wall(now() + valid), rest);
+                              iso_8601(now() + valid), rest);
 }
 
 struct show_line {
@@ -372,9 +373,9 @@ std::string show(const settings& set, const keys_options& given) {
                 line.serial = one.serial;
                 line.fingerprint = one.fingerprint;
                 line.public_key = one.public_key;
-                if (one.from) line.valid_from = show_wall(*one.from);
-                if (one.until) line.valid_until = show_wall(*one.until);
-                if (one.kind == "certificate") line.renew_at = show_wall(*one.renew_at());
+                if (one.from) line.valid_from = iso_8601(*one.from);
+                if (one.until) line.valid_until = iso_8601(*one.until);
+                if (one.kind == "certificate") line.renew_at = iso_8601(*one.renew_at());
                 line.revoked = one.revoked;
                 line.trouble = one.trouble;
                 text += fmt::format("{}: {}\n", file, one.kind);

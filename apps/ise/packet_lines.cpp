@@ -4,6 +4,7 @@
 #include "text.hpp"
 
 #include <ise/core/error.hpp>
+#include <ise/core/time_text.hpp>
 #include <ise/packet/detail/text_forms.hpp>
 
 #include <fmt/format.h>
@@ -76,7 +77,7 @@ std::string json_value(const packet_format& how, const dynamic_packet& packet) {
 
 std::string stamp_of(const received<dynamic_packet>& packet) {
     const auto at = packet.published_at();
-    return at ? show_wall_exactly(*at) : std::string();
+    return at ? iso_8601(*at, 9) : std::string();
 }
 
 [[noreturn]] void no_field(const schema& of, const std::string& path, const std::string& why) {

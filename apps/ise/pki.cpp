@@ -3,6 +3,7 @@
 #include "exit_code.hpp"
 #include "text.hpp"
 
+#include <ise/core/time_text.hpp>
 #include <ise/naming/services.hpp>
 
 #include <fmt/format.h>
@@ -279,7 +280,7 @@ struct signer {
         auto end = moment_of(X509_get0_notAfter(own.get()));
         if (until > end)
             fail(fmt::format("the certificate of {} would outlive its authority, which ends at {}", whose.identity,
-                             show_wall(end)),
+                             iso_8601(end)),
                  "choose fewer --days, or make a new authority");
         certificate_ptr made(X509_new());
         must(made && X509_set_version(made.get(), X509_VERSION_3) == 1, "make a certificate");

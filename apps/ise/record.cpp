@@ -6,6 +6,7 @@
 
 #include <ise/bag/recorder.hpp>
 #include <ise/core/loop.hpp>
+#include <ise/core/time_text.hpp>
 
 #include <fmt/format.h>
 
@@ -55,7 +56,7 @@ task<> record(context& in, record_options options) {
     }
     what.files.format.library = "ise " ISE_VERSION;
     what.files.about["host"] = in.self.env().identity().host_name;
-    what.files.about["started_at"] = show_wall(in.self.wall());
+    what.files.about["started_at"] = iso_8601(in.self.wall());
     bag::recorder_core core(in.self, what);
     in.ctrl_c.care(in.self.on(), [&core] { core.finish(); });
     timer end(in.self.on(), [&core] { core.finish(); });

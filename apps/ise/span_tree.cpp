@@ -2,6 +2,8 @@
 
 #include "text.hpp"
 
+#include <ise/core/time_text.hpp>
+
 #include <nlohmann/json.hpp>
 
 #include <fmt/format.h>
@@ -162,7 +164,7 @@ std::string draw_trace(const std::vector<traced_span>& spans) {
     const auto origin = spans.front().began_ns;
     auto text =
         fmt::format("trace {}, {}, {}, {} spans\n", printable(spans.front().trace),
-                    show_wall(wall_time(duration(origin))), show_duration(duration(end_ns - origin)), spans.size());
+                    iso_8601(wall_time(duration(origin))), show_duration(duration(end_ns - origin)), spans.size());
     // A stack of its own: a file may say anything. Spans that cause each other hang below no root, and are left out.
     struct entry {
         const traced_span* of;

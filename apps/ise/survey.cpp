@@ -2,6 +2,8 @@
 
 #include "text.hpp"
 
+#include <ise/core/time_text.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -108,7 +110,7 @@ std::string show_age(const context& in, const std::vector<surveyed>& all) {
     duration longest{};
     for (const auto& one : all)
         if (one.about) longest = std::max(longest, one.answered_after);
-    auto text = fmt::format("as of {}", show_wall(in.self.wall()));
+    auto text = fmt::format("as of {}", iso_8601(in.self.wall()));
     if (answered > 0)
         text += fmt::format("; {} component{} answered within {}", answered, answered == 1 ? "" : "s",
                             show_duration(longest));

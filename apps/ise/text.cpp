@@ -36,19 +36,6 @@ std::string show_duration(duration length) {
     return fmt::format("{} h {:02} min", minutes / 60, minutes % 60);
 }
 
-std::string show_wall(wall_time at) {
-    auto seconds = std::chrono::floor<std::chrono::seconds>(at);
-    return fmt::format("{:%Y-%m-%dT%H:%M:%S}Z",
-                       fmt::gmtime(static_cast<std::time_t>(seconds.time_since_epoch().count())));
-}
-
-std::string show_wall_exactly(wall_time at) {
-    const auto seconds = std::chrono::floor<std::chrono::seconds>(at);
-    auto text = show_wall(at);
-    text.pop_back();
-    return fmt::format("{}.{:09}Z", text, (at - seconds).count());
-}
-
 std::string show_bytes(std::uint64_t count) {
     auto size = static_cast<double>(count);
     if (count < 1000) return fmt::format("{} B", count);

@@ -14,10 +14,6 @@ namespace ise::cli {
 using deployment::parse_duration;
 /// "1.25 ms", "3.4 s", "2 h 05 min": three significant digits, for people.
 std::string show_duration(duration length);
-/// "2026-05-01T12:00:03Z"
-std::string show_wall(wall_time at);
-/// "2026-05-01T12:00:03.123456789Z"
-std::string show_wall_exactly(wall_time at);
 /// "1.4 MB"
 std::string show_bytes(std::uint64_t count);
 

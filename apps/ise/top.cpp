@@ -10,6 +10,8 @@
 #include "text.hpp"
 #include "top_live.hpp"
 
+#include <ise/core/time_text.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -139,7 +141,7 @@ std::string services_table(const std::vector<activity>& all, std::size_t width, 
 }
 
 top_table top_of(std::vector<activity> all, const std::vector<connection_line>& lines, wall_time at) {
-    top_table made{show_wall(at), std::move(all), {}};
+    top_table made{iso_8601(at), std::move(all), {}};
     for (const auto& one : lines) {
         top_connection row{one.a, {}, one.address, one.over, {}, one.bytes_to_a, one.bytes_to_b};
         if (!one.b.empty()) row.b = one.b;

@@ -4,6 +4,8 @@
 #include "target.hpp"
 #include "text.hpp"
 
+#include <ise/core/time_text.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -484,11 +486,11 @@ styled_line top_view::heading(std::size_t width) const {
         left.add(fmt::format("old: {}", printable(trouble_)), style::bad);
     }
     right.add(fmt::format("{}  ", printable(where_)), style::dim);
-    right.add(show_wall(at_).substr(11), trouble_.empty() ? style::plain : style::bad);
+    right.add(iso_8601(at_).substr(11), trouble_.empty() ? style::plain : style::bad);
     auto line = both_ends(left, right, width);
     if (line.parts.size() > left.parts.size()) return line;
     styled_line time;
-    time.add(show_wall(at_).substr(11), style::dim);
+    time.add(iso_8601(at_).substr(11), style::dim);
     return both_ends(std::move(left), time, width);
 }
 

@@ -3,6 +3,8 @@
 #include <components/boat/layout.hpp>
 #include <components/boat/raw_payload.hpp>
 
+#include <ise/core/time_text.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -48,11 +50,7 @@ void take_argument(reader& in, std::string_view name, T& value) {
 
 } // namespace
 
-std::string utc_text(utc_time at) {
-    std::chrono::hh_mm_ss time(
-        std::chrono::floor<std::chrono::seconds>(at - std::chrono::floor<std::chrono::days>(at)));
-    return fmt::format("{:02}:{:02}:{:02}Z", time.hours().count(), time.minutes().count(), time.seconds().count());
-}
+std::string utc_text(utc_time at) { return ise::iso_8601(at).substr(11); }
 
 ise::bytes encode_telecommand(const telecommand& command) {
     packet_header header;

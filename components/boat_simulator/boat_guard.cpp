@@ -25,7 +25,7 @@ std::optional<boat_guard::order> boat_guard::update(const guarded_state& now) {
         looked_at_.reset();
         return std::nullopt;
     }
-    if (auto order = watch_limits(now)) return order;
+    if (auto turn = watch_limits(now)) return turn;
     return watch_heading(now);
 }
 

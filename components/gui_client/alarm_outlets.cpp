@@ -2,6 +2,7 @@
 
 #include <components/gui_client/track_store.hpp>
 
+#include <ise/core/time_text.hpp>
 #include <ise/packet/json.hpp>
 
 #include <fmt/format.h>
@@ -109,7 +110,8 @@ ise::task<ise::result<void>> alarm_outlets::send_mail(std::vector<alarm_event> e
     mail.subject = fmt::format("{}: {} {}", options_.boat,
                                worst->what == alarm_change::over ? "over:" : upper(name_of(worst->how)), worst->text);
     for (const auto& one : events)
-        mail.text += fmt::format("{}  {}, {}: {}\n", iso_time(one.at), name_of(one.how), name_of(one.what), one.text);
+        mail.text +=
+            fmt::format("{}  {}, {}: {}\n", ise::iso_8601(one.at, 3), name_of(one.how), name_of(one.what), one.text);
     mail.text += "\nAcknowledge it in the console.\n";
     auto sending = sender_->send(std::move(mail));
     co_return co_await std::move(sending);
@@ -118,7 +120,7 @@ ise::task<ise::result<void>> alarm_outlets::send_mail(std::vector<alarm_event> e
 ise::task<ise::result<void>> alarm_outlets::post(alarm_event event) {
     alarm_hook_body body;
     body.boat = options_.boat;
-    body.time = iso_time(event.at);
+    body.time = ise::iso_8601(event.at, 3);
     body.event = std::string(name_of(event.what));
     body.severity = std::string(name_of(event.how));
     body.key = event.key;

@@ -4,6 +4,8 @@
 #include <components/gui_client/track_store.hpp>
 #include <components/gui_client/words.hpp>
 
+#include <ise/core/time_text.hpp>
+
 #include <fmt/format.h>
 
 #include <cmath>
@@ -11,7 +13,7 @@
 namespace atirma::console {
 namespace {
 
-std::string clock_text(utc_time at) { return iso_time(at).substr(11, 8) + " UTC"; }
+std::string clock_text(utc_time at) { return ise::iso_8601(at).substr(11, 8) + " UTC"; }
 
 void watch_boat(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
     const auto& limits = causes.limits;

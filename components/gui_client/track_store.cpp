@@ -2,6 +2,8 @@
 
 #include <components/gui_client/freshness.hpp>
 
+#include <ise/core/time_text.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -56,20 +58,11 @@ void track_store::thin() {
     points_ = std::move(kept);
 }
 
-std::string iso_time(utc_time at) {
-    auto day = std::chrono::floor<std::chrono::days>(at);
-    std::chrono::year_month_day date(day);
-    auto ms = (at - day).count();
-    return fmt::format("{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:03}Z", static_cast<int>(date.year()),
-                       static_cast<unsigned>(date.month()), static_cast<unsigned>(date.day()), ms / 3600000,
-                       ms / 60000 % 60, ms / 1000 % 60, ms % 1000);
-}
-
 std::string track_to_csv(const std::vector<track_point>& track) {
     std::string text = "time,latitude_deg,longitude_deg,speed_mps,link,history,boot\n";
     for (const auto& p : track)
-        text += fmt::format("{},{:.7f},{:.7f},{:.2f},{},{},{}\n", iso_time(p.at), p.latitude_deg, p.longitude_deg,
-                            p.speed_mps, name_of(p.link), p.history ? 1 : 0, p.boot);
+        text += fmt::format("{},{:.7f},{:.7f},{:.2f},{},{},{}\n", ise::iso_8601(p.at, 3), p.latitude_deg,
+                            p.longitude_deg, p.speed_mps, name_of(p.link), p.history ? 1 : 0, p.boot);
     return text;
 }
 
@@ -93,7 +86,7 @@ std::string track_to_gpx(const std::string& boat, const std::vector<track_point>
         bool begins = i == 0 || is_outage(track[i - 1], track[i], rhythm);
         if (begins) text += i == 0 ? "<trkseg>\n" : "</trkseg>\n<trkseg>\n";
         text += fmt::format("<trkpt lat=\"{:.7f}\" lon=\"{:.7f}\"><time>{}</time></trkpt>\n", track[i].latitude_deg,
-                            track[i].longitude_deg, iso_time(track[i].at));
+                            track[i].longitude_deg, ise::iso_8601(track[i].at, 3));
     }
     if (!track.empty()) text += "</trkseg>\n";
     return text + "</trk>\n</gpx>\n";

@@ -37,7 +37,5 @@ bool is_outage(const track_point& before, const track_point& point, const report
 /// GPX 1.1: the waypoints as a route, the track in segments, which end at outages.
 std::string track_to_gpx(const std::string& boat, const std::vector<track_point>& track,
                          const std::vector<waypoint>& waypoints, const report_rhythm& rhythm);
-/// "2026-11-21T17:30:05.250Z".
-std::string iso_time(utc_time at);
 
 } // namespace atirma::console

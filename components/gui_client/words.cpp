@@ -3,6 +3,8 @@
 #include <components/boat/parameters.hpp>
 #include <components/gui_client/track_store.hpp>
 
+#include <ise/core/time_text.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -199,8 +201,8 @@ packet_text describe(const telemetry_packet& packet) {
     list.add("link", label(packet.link) + (packet.history ? ", history" : ""));
     list.add("boot, sequence", fmt::format("{}{}, {}", packet.boot,
                                            packet.boot == beacon_boot ? " (second controller)" : "", packet.sequence));
-    list.add("measured", iso_time(packet.measured_at));
-    list.add("received", iso_time(packet.received_at));
+    list.add("measured", ise::iso_8601(packet.measured_at, 3));
+    list.add("received", ise::iso_8601(packet.received_at, 3));
     auto message = parse_telemetry(packet.raw);
     if (!message) {
         made.kind = "malformed";

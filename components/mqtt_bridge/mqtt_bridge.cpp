@@ -10,6 +10,7 @@
 #include <ise/core/environment.hpp>
 #include <ise/core/log_limiter.hpp>
 #include <ise/core/readable.hpp>
+#include <ise/core/time_text.hpp>
 #include <ise/core/url.hpp>
 #include <ise/core/waiter.hpp>
 #include <ise/service/action.hpp>
@@ -47,16 +48,6 @@ constexpr std::size_t min_correlation = 8, max_correlation = 256;
 
 bool is_one_of(const std::vector<std::string>& all, const std::string& one) {
     return std::ranges::find(all, one) != all.end();
-}
-
-std::string utc_text(wall_time at) {
-    using namespace std::chrono;
-    auto day = floor<days>(at);
-    year_month_day date(day);
-    hh_mm_ss time(floor<microseconds>(at - day));
-    return fmt::format("{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:06}Z", static_cast<int>(date.year()),
-                       static_cast<unsigned>(date.month()), static_cast<unsigned>(date.day()), time.hours().count(),
-                       time.minutes().count(), time.seconds().count(), time.subseconds().count());
 }
 
 } // namespace
@@ -410,12 +401,12 @@ struct mqtt_bridge::state : std::enable_shared_from_this<state> {
         if (what.payload.empty() && what.retain && !options.protobuf) return made; // the end of a retained message
         if (!options.broker.version_5) {
             made.payload = fmt::format(R"({{"published":"{}","number":{},"history":{},"resent":{},"packet":{}}})",
-                                       utc_text(what.published), what.number, old, sent_before, what.payload);
+                                       iso_8601(what.published, 6), what.number, old, sent_before, what.payload);
             return made;
         }
         made.payload = what.payload;
         made.content_type = options.protobuf ? "application/protobuf" : "application/json";
-        made.user.emplace_back("published", utc_text(what.published));
+        made.user.emplace_back("published", iso_8601(what.published, 6));
         made.user.emplace_back("number", std::to_string(what.number));
         if (old) made.user.emplace_back("history", "true");
         if (sent_before) made.user.emplace_back("resent", "true");

@@ -1,5 +1,7 @@
 #include <components/nmea_bridge/signalk.hpp>
 
+#include <ise/core/time_text.hpp>
+
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
@@ -23,18 +25,10 @@ double angle(double degrees) {
 }
 double rounded(double value, double step) { return std::round(value / step) * step; }
 
-std::string timestamp(utc_time at) {
-    auto day = std::chrono::floor<std::chrono::days>(at);
-    std::chrono::year_month_day date(day);
-    auto ms = (at - day).count();
-    return fmt::format("{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:03}Z", static_cast<int>(date.year()),
-                       static_cast<unsigned>(date.month()), static_cast<unsigned>(date.day()), ms / 3'600'000,
-                       ms / 60'000 % 60, ms / 1000 % 60, ms % 1000);
-}
-
 class delta {
 public:
-    delta(utc_time at, std::string_view source) : at_(timestamp(at)), source_(fmt::format("atirma.{}", source)) {}
+    delta(utc_time at, std::string_view source)
+        : at_(ise::iso_8601(at, 3)), source_(fmt::format("atirma.{}", source)) {}
     delta& set(const std::string& path, json value) {
         values_.push_back({{"path", path}, {"value", std::move(value)}});
         return *this;
@@ -75,7 +69,7 @@ std::string identity(const std::string& name, const std::string& uuid) {
 std::string hello(const std::string& identity, utc_time now) {
     json made = {{"name", "atirma nmea_bridge"},
                  {"version", "1.7.0"}, // of the specification
-                 {"timestamp", timestamp(now)},
+                 {"timestamp", ise::iso_8601(now, 3)},
                  {"self", "vessels." + identity},
                  {"roles", {"master", "main"}}};
     return made.dump() + "\n";
@@ -99,7 +93,7 @@ std::string about(const std::string& name, utc_time now) {
         add(below + "lastHeardAge", "s", "Since the boat heard the shore over this link");
     }
     json named = {{"$source", "atirma.bridge"},
-                  {"timestamp", timestamp(now)},
+                  {"timestamp", ise::iso_8601(now, 3)},
                   {"values", json::array({{{"path", ""}, {"value", {{"name", name}}}}})},
                   {"meta", meta}};
     json made = {{"context", "vessels.self"}, {"updates", json::array({named})}};

@@ -2,6 +2,8 @@
 
 #include <components/web_server/track_json.hpp>
 
+#include <ise/core/time_text.hpp>
+
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
@@ -47,11 +49,8 @@ std::string name_of(const track_waypoint& point, std::size_t index) {
 } // namespace
 
 std::string iso_8601(utc_ms at) {
-    auto seconds = std::chrono::floor<std::chrono::seconds>(at);
-    auto rest_ms = (at - seconds).count();
-    auto text =
-        fmt::format("{:%Y-%m-%dT%H:%M:%S}", fmt::gmtime(static_cast<std::time_t>(seconds.time_since_epoch().count())));
-    return rest_ms == 0 ? text + "Z" : fmt::format("{}.{:03}Z", text, rest_ms);
+    bool whole = std::chrono::floor<std::chrono::seconds>(at) == at;
+    return ise::iso_8601(at, whole ? 0 : 3);
 }
 
 std::string to_gpx(std::string_view boat, const std::vector<track_point>& track,

@@ -1,6 +1,7 @@
 #include <ise/access/audit.hpp>
 
 #include <ise/core/real/line_file.hpp>
+#include <ise/core/time_text.hpp>
 
 #include <fmt/format.h>
 
@@ -29,20 +30,11 @@ void put_text(std::string& to, std::string_view name, std::string_view text) {
     to += "\",";
 }
 
-std::string time_of(wall_time at) {
-    const auto day = std::chrono::floor<std::chrono::days>(at);
-    const std::chrono::year_month_day date(day);
-    const std::chrono::hh_mm_ss time(std::chrono::floor<std::chrono::milliseconds>(at - day));
-    return fmt::format("{:04}-{:02}-{:02}T{:02}:{:02}:{:02}.{:03}Z", static_cast<int>(date.year()),
-                       static_cast<unsigned>(date.month()), static_cast<unsigned>(date.day()), time.hours().count(),
-                       time.minutes().count(), time.seconds().count(), time.subseconds().count());
-}
-
 } // namespace
 
 std::string json_of(const audit_entry& entry, std::uint64_t left_out) {
     std::string made = "{";
-    put_text(made, "at", time_of(entry.at));
+    put_text(made, "at", iso_8601(entry.at, 3));
     put_text(made, "who", entry.who);
     put_text(made, "serial", entry.serial);
     put_text(made, "from", entry.from);

@@ -2,6 +2,7 @@
 
 #include <ise/core/environment.hpp>
 #include <ise/core/readable.hpp>
+#include <ise/core/time_text.hpp>
 
 #include <fmt/chrono.h>
 
@@ -39,11 +40,8 @@ std::string_view name_of(log_level level) noexcept {
 }
 
 std::string format_line(const log_record& record) {
-    auto milliseconds = std::chrono::floor<std::chrono::milliseconds>(record.at);
-    auto seconds = std::chrono::floor<std::chrono::seconds>(milliseconds);
-    auto line = fmt::format("{:%Y-%m-%dT%H:%M:%S}.{:03}Z {:<7} {}: {}",
-                            fmt::gmtime(std::chrono::system_clock::to_time_t(seconds)),
-                            (milliseconds - seconds).count(), name_of(record.level), record.component, record.message);
+    auto line =
+        fmt::format("{} {:<7} {}: {}", iso_8601(record.at, 3), name_of(record.level), record.component, record.message);
     for (const auto& field : record.fields) {
         line += fmt::format(" {}=", field.name);
         append_value(line, field.value);

@@ -1,6 +1,7 @@
 #include <ise/service/use_book.hpp>
 
 #include <ise/core/limits.hpp>
+#include <ise/core/time_text.hpp>
 #include <ise/session/service_runtime.hpp>
 
 #include <fmt/chrono.h>
@@ -25,12 +26,6 @@ std::string_view text_of(wait_stage stage) {
         case wait_stage::unreached: return "called without reaching a provider";
     }
     return "?";
-}
-
-std::string civil_text(wall_time at) {
-    return fmt::format("{:%Y-%m-%dT%H:%M:%S}Z",
-                       fmt::gmtime(std::chrono::system_clock::to_time_t(
-                           std::chrono::time_point_cast<std::chrono::system_clock::duration>(at))));
 }
 
 } // namespace
@@ -183,7 +178,7 @@ void use_book::look() {
         changed = true;
         auto since = runtime_.env().wall() - std::chrono::duration_cast<wall_time::duration>(now - one.since);
         runtime_.log().warning(text_of(found.stage),
-                               {{"for", subject_of(found)}, {"since", civil_text(since)}, {"cause", found.cause}});
+                               {{"for", subject_of(found)}, {"since", iso_8601(since)}, {"cause", found.cause}});
     }
     if (std::ranges::any_of(all_, [](const auto& one) { return one.second.missing; })) watch();
     if (changed && on_change) on_change();

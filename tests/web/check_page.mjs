@@ -430,6 +430,12 @@ await check('a phone shows everything without scrolling sideways', async () => {
   }
   const legend = await phone.locator('#legend').boundingBox(), source = await phone.locator('.leaflet-control-attribution').boundingBox();
   assert.ok(legend.y + legend.height <= source.y + 1, 'the source of the coast lies over the legend');
+  const scale = await phone.locator('.leaflet-control-scale').boundingBox();
+  for (const name of await phone.locator('.waypoint span').all()) {
+    const box = await name.boundingBox();
+    const beside = box.x + box.width <= scale.x || scale.x + scale.width <= box.x || box.y + box.height <= scale.y || scale.y + scale.height <= box.y;
+    assert.ok(beside, `the scale lies over ${await name.textContent()}`);
+  }
 });
 await shot(phone, 'phone-live-light');
 await shot(phone, 'phone-live-light-full', true);

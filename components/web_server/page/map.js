@@ -261,7 +261,7 @@ export class BoatMap {
     if (!all.isValid()) return;
     this.#placed = true;
     const small = this.#map.getSize().x < 600;
-    this.#quietly(() => this.#map.fitBounds(all, { paddingTopLeft: small ? [30, 40] : [80, 70], paddingBottomRight: small ? [84, 110] : [130, 120], maxZoom: 15.5, animate: !first_time }));
+    this.#quietly(() => this.#map.fitBounds(all, { paddingTopLeft: small ? [30, 40] : [80, 70], paddingBottomRight: small ? [84, 150] : [130, 120], maxZoom: 15.5, animate: !first_time }));
   }
 
   /// A sea to look at as long as no boat was heard.

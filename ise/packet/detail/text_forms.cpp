@@ -1,3 +1,4 @@
+#include <ise/core/time_text.hpp>
 #include <ise/packet/detail/text_forms.hpp>
 
 #include <fmt/format.h>
@@ -220,17 +221,14 @@ void append_json_time(std::string& out, const type_description& type, std::int64
         out += fmt::format("\"{} ticks\"", ticks);
         return;
     }
-    chrono::year_month_day date{chrono::sys_days(chrono::days(days))};
-    std::int64_t of_day = seconds - days * 86400;
-    out += fmt::format("\"{:04}-{:02}-{:02}T{:02}:{:02}:{:02}", static_cast<int>(date.year()),
-                       static_cast<unsigned>(date.month()), static_cast<unsigned>(date.day()), of_day / 3600,
-                       of_day / 60 % 60, of_day % 60);
+    out += '"' + ise::iso_8601(chrono::sys_seconds(chrono::seconds(seconds)));
     if (*places > 0) { // the whole seconds alone may lie outside, so the difference is taken without sign
         auto fraction = static_cast<std::uint64_t>(ticks) -
                         static_cast<std::uint64_t>(seconds) * static_cast<std::uint64_t>(type.period_den);
-        out += fmt::format(".{:0{}}", fraction, *places);
+        out.pop_back(); // the Z
+        out += fmt::format(".{:0{}}Z", fraction, *places);
     }
-    out += "Z\"";
+    out += '"';
 }
 
 std::optional<std::int64_t> ticks_from_text(const type_description& type, std::string_view text) {

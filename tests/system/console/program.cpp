@@ -1,6 +1,7 @@
 #include <support/catch.hpp>
 #include <support/program.hpp>
 
+#include <QFile>
 #include <QImage>
 #include <QTemporaryDir>
 
@@ -37,4 +38,41 @@ TEST_CASE("console program: what it cannot do is said, with an exit code") {
     CHECK(twice.exit_code == 2);
     CHECK(twice.err.find("'vela' twice") != std::string::npos);
     CHECK(run_program({"atirma_console", "--help"}).exit_code == 0);
+}
+
+TEST_CASE("console program: a fence holds for all boats, or for the one that it is given for") {
+    QTemporaryDir folder;
+    auto fence = folder.filePath("fence.json");
+    QFile file(fence);
+    REQUIRE(file.open(QIODevice::WriteOnly));
+    file.write(
+        R"({"type": "Feature", "properties": {"fence": "keep-out"}, "geometry": {"type": "Polygon", "coordinates":
+        [[[-16, 27], [-15, 27], [-15, 29], [-16, 29], [-16, 27]]]}})");
+    file.close();
+    auto first_boat_with = [&](const QString& option) { // a part of the chart without letters
+        auto picture = folder.filePath("picture.png");
+        std::vector<std::string> words{
+            "atirma_console", "--name-server",       "none",   "--namespace", "vela,nao", "--after", "0.7",
+            "--screenshot",   picture.toStdString(), "--size", "1280x800"};
+        if (!option.isEmpty()) words.insert(words.end(), {"--fence", option.toStdString()});
+        auto ran = run_program(words);
+        INFO(ran.err);
+        REQUIRE(ran.exit_code == 0);
+        return QImage(picture).copy(120, 250, 60, 60);
+    };
+    auto without = first_boat_with({});
+    auto within = first_boat_with(fence);
+    CHECK(within != without);
+    CHECK(first_boat_with("vela=" + fence) == within);
+    CHECK(first_boat_with("nao=" + fence) == without);
+
+    auto path = fence.toStdString();
+    auto twice = run_program({"atirma_console", "--namespace", "vela,nao", "--fence", "vela=" + path + ",vela=" + path,
+                              "--screenshot", folder.filePath("x.png").toStdString()});
+    CHECK(twice.exit_code == 2);
+    CHECK(twice.err.find("two files for the boat vela") != std::string::npos);
+    auto unknown = run_program(
+        {"atirma_console", "--fence", "boat-9=" + path, "--screenshot", folder.filePath("x.png").toStdString()});
+    CHECK(unknown.exit_code == 1);
+    CHECK(unknown.err.find("boat-9=" + path) != std::string::npos);
 }

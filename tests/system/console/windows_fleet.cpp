@@ -1,6 +1,9 @@
 // Several boats in one window: one is shown, and the alarms of all reach the operator.
 #include "desk.hpp"
 
+#include <apps/console/theme.hpp>
+
+#include <QAction>
 #include <QComboBox>
 #include <QElapsedTimer>
 #include <QFile>
@@ -226,6 +229,35 @@ TEST_CASE("console fleet: at 1024 x 600 all lists have a tab that can be read, a
     it.show_all();
     it.picture("fleet-third");
     CHECK(rects(it.find<QTabWidget>("tabs")) == before);
+}
+
+TEST_CASE("console fleet: the other boats are on the chart with their names, and a double click shows one") {
+    fleet_desk it;
+    auto& all = it.find<QAction>("all_boats");
+    all.trigger();
+    QApplication::processEvents();
+    auto* chart = &it.window->chart();
+    CHECK(chart->accessibleDescription().contains("; boat-2 at "));
+    CHECK_FALSE(chart->accessibleDescription().contains("boat-3")); // never heard
+    auto other = chart->projection().to_pixels({28.2000, -15.3000}).toPoint();
+    REQUIRE(chart->rect().contains(other));
+    auto picture = it.window->chart().grab().toImage();
+    CHECK(picture.pixelColor(other) == colours().ink2);
+    it.picture("fleet-chart");
+    auto asked = [&](QPoint at) {
+        QMouseEvent twice(QEvent::MouseButtonDblClick, QPointF(at), chart->mapToGlobal(QPointF(at)), Qt::LeftButton,
+                          Qt::LeftButton, Qt::NoModifier);
+        QApplication::sendEvent(chart, &twice);
+        QApplication::processEvents();
+    };
+    asked(other + QPoint(40, 40)); // beside it: nearer, as everywhere on the chart
+    CHECK(it.window->shown_boat() == 0);
+    all.trigger();
+    asked(chart->projection().to_pixels({28.2000, -15.3000}).toPoint());
+    CHECK(it.window->shown_boat() == 1);
+    it.show_all();
+    CHECK(it.window->chart().accessibleDescription().contains("; A-Tirma at "));
+    CHECK_FALSE(it.window->chart().accessibleDescription().contains("boat-2"));
 }
 
 TEST_CASE("console fleet: snapshots of all boats come through their ports") {

@@ -3,6 +3,7 @@
 #include <apps/stress/voyage.hpp>
 
 #include <support/catch.hpp>
+#include <test_folders.hpp>
 
 #include <algorithm>
 #include <cstdlib>
@@ -61,6 +62,18 @@ TEST_CASE(
     CHECK(first.report.find("# 20 minutes at sea, seed 7") == 0);
     CHECK(first.report.find("**unknown**") == std::string::npos); // the cause of every silence
     CHECK(first.picture.find("A-Tirma: 20 minutes in the bay") != std::string::npos);
+    // The picture has the page's colours of the links.
+    std::ifstream page(ISE_SOURCE_DIR "/components/web_server/page/style.css");
+    std::string style{std::istreambuf_iterator<char>(page), {}};
+    for (auto [variable, link] :
+         {std::pair{"--l0: ", ">XBee</text>"}, {"--l1: ", ">GPRS</text>"}, {"--l2: ", ">Iridium</text>"}}) {
+        INFO(link);
+        auto colour = style.substr(style.find(variable) + 6, 7);
+        auto named = first.picture.find(link);
+        REQUIRE(named != std::string::npos);
+        auto begin = first.picture.rfind("</text>", named);
+        CHECK(first.picture.substr(begin, named - begin).find(colour) != std::string::npos);
+    }
     for (const auto& one : sea.judge().links) CHECK(one.owed > 0);
     CHECK(first.story.set_back > 0);
     CHECK(first.story.samples.size() == voyage::samples_wanted + 1);
