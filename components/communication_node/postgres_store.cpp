@@ -107,9 +107,9 @@ void postgres_store::greet() {
                 refusal_ = good.error();
                 return client_.drop(*refusal_);
             }
-            // Acknowledged data are on the server's disk, whatever its default.
-            client_.query("SELECT set_config('synchronous_commit', CASE current_setting('synchronous_commit') WHEN "
-                          "'off' THEN 'on' ELSE current_setting('synchronous_commit') END, false)",
+            // Acknowledged data are on the server's disk, and on that of its synchronous standby, whatever its default.
+            client_.query("SELECT set_config('synchronous_commit', CASE WHEN current_setting('synchronous_commit') IN "
+                          "('off', 'local') THEN 'on' ELSE current_setting('synchronous_commit') END, false)",
                           {}, [this](ise::result<postgres_rows> set) {
                               if (!set) client_.drop(set.error());
                           });

@@ -7,6 +7,7 @@
 #include <libpq-fe.h>
 
 #include <algorithm>
+#include <charconv>
 #include <chrono>
 #include <deque>
 #include <map>
@@ -19,7 +20,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr ise::duration again_after = 1s, connect_within = 10s, answer_within = 10s, look_period = 500ms;
+constexpr ise::duration again_after = 1s, answer_within = 10s, look_period = 500ms;
 constexpr std::size_t max_waiting = 256;
 
 using settings = std::map<std::string, std::string>;
@@ -74,11 +75,20 @@ bool is_a_name(const std::string& host) {
            ::inet_pton(AF_INET, host.c_str(), &unused) != 1 && ::inet_pton(AF_INET6, host.c_str(), &unused) != 1;
 }
 
+ise::duration connect_limit(const settings& of) {
+    auto text = in(of, "connect_timeout");
+    unsigned seconds = 0;
+    std::from_chars(text.data(), text.data() + text.size(), seconds);
+    return seconds == 0 ? 10s : std::chrono::seconds(std::min(seconds, 600u)); // libpq would wait for ever
+}
+
 /// With what a lost server is noticed by, and a standby is not taken for the primary.
 settings completed(settings from) {
     for (const auto& [key, value] :
          {std::pair{"client_encoding", "UTF8"}, std::pair{"target_session_attrs", "read-write"},
-          std::pair{"fallback_application_name", "atirma"}, std::pair{"connect_timeout", "10"},
+          std::pair{"fallback_application_name", "atirma"},
+          // Of one server. One of several is not waited for as long: another may be the primary.
+          std::pair{"connect_timeout", in(from, "host").find(',') == std::string::npos ? "10" : "3"},
           std::pair{"keepalives_idle", "10"}, std::pair{"keepalives_interval", "5"}, std::pair{"keepalives_count", "3"},
           std::pair{"tcp_user_timeout", "15000"}})
         from.try_emplace(key, value);
@@ -149,22 +159,29 @@ std::string postgres_name(const std::string& url) {
     auto parsed = settings_of(url);
     if (!parsed) return "PostgreSQL";
     auto user = in(*parsed, "user");
-    return fmt::format("postgresql://{}{}{}{}/{}", user, user.empty() ? "" : "@", in(*parsed, "host", "localhost"),
-                       parsed->contains("port") ? ":" + in(*parsed, "port") : "", in(*parsed, "dbname"));
+    auto hosts = parts_of(in(*parsed, "host", "localhost")), ports = parts_of(in(*parsed, "port"));
+    std::string servers;
+    for (std::size_t i = 0; i < hosts.size(); ++i) {
+        const auto& port = ports[ports.size() == hosts.size() ? i : 0];
+        servers += (i == 0 ? "" : ",") + hosts[i] + (port.empty() ? "" : ":" + port);
+    }
+    return fmt::format("postgresql://{}{}{}/{}", user, user.empty() ? "" : "@", servers, in(*parsed, "dbname"));
 }
 
 class postgres_client::state : public std::enable_shared_from_this<state> {
 public:
     state(ise::loop& on, const std::string& url, events then)
-        : loop_(on), name_(postgres_name(url)), settings_(completed(settings_of(url).value())), then_(std::move(then)),
-          resolver_(on.get_executor()), again_(on, [this] { begin(); }), watch_(on, [this] { look(); }) {}
+        : loop_(on), name_(postgres_name(url)), settings_(completed(settings_of(url).value())),
+          connect_within_(connect_limit(settings_)), then_(std::move(then)), resolver_(on.get_executor()),
+          again_(on, [this] { begin(); }), watch_(on, [this] { look(); }) {}
 
     void begin() {
         if (stage_ != stage::away) return;
         stage_ = stage::resolving;
         stage_since_ = loop_.now();
         watch_.arm(ise::saturating_add(loop_.now(), look_period));
-        hosts_ = hostaddrs_ = ports_ = "";
+        servers_.clear();
+        reasons_.clear();
         resolve(0);
     }
     void end() { // nothing is called any more
@@ -230,57 +247,71 @@ private:
         connection_.reset();
     }
 
-    // libpq would block for a name; it gets addresses, all of them, with the name for TLS.
+    // libpq would block for a name; it gets addresses, with the name for TLS and the password.
     void resolve(std::size_t index) {
         auto hosts = parts_of(in(settings_, "host")), ports = parts_of(in(settings_, "port"));
-        if (settings_.contains("hostaddr") || index >= hosts.size()) return connect();
-        auto port = ports.size() > index ? ports[index] : ports.front();
-        auto add = [this](const std::string& host, const std::string& address, const std::string& at) {
-            hosts_ += (added_ ? "," : "") + host;
-            hostaddrs_ += (added_ ? "," : "") + address;
-            ports_ += (added_ ? "," : "") + at;
-            added_ = true;
+        auto addresses = parts_of(in(settings_, "hostaddr"));
+        if (index >= std::max(hosts.size(), addresses.size())) return connect();
+        auto at = [index](const std::vector<std::string>& list) {
+            return index < list.size() ? list[index] : list.size() == 1 ? list.front() : std::string();
         };
-        if (index == 0) added_ = false;
-        const auto& host = hosts[index];
-        if (!is_a_name(host)) {
-            add(host, host.empty() || host.front() == '/' || host.front() == '@' ? "" : host, port);
+        auto host = at(hosts), port = at(ports), address = at(addresses);
+        if (!address.empty() || !is_a_name(host)) {
+            servers_.push_back({host, address, port});
             return resolve(index + 1);
         }
         resolver_.async_resolve(
-            host, "", [weak = weak_from_this(), add, host, port, index](std::error_code problem, const auto& found) {
+            host, "", [weak = weak_from_this(), host, port, index](std::error_code problem, const auto& found) {
                 auto self = weak.lock();
                 if (!self || self->stage_ != stage::resolving) return;
                 ise::loop::turn in(self->loop_);
                 if (problem)
-                    self->unresolved_ = fmt::format("the name {} is not resolved: {}", host, problem.message());
-                for (const auto& one : found) add(host, one.endpoint().address().to_string(), port);
+                    self->add_reason(fmt::format("the name {} is not resolved: {}", host, problem.message()).c_str());
+                for (const auto& one : found)
+                    self->servers_.push_back({host, one.endpoint().address().to_string(), port});
                 self->resolve(index + 1);
             });
     }
 
     void connect() {
+        left_ = servers_.size();
+        next_server();
+    }
+
+    // Begins behind the server of the last attempt: one that accepts connections and answers nothing does not hide the
+    // others.
+    void next_server() {
+        if (left_ == 0) return lose(failed(reasons_.c_str()));
+        --left_;
+        const auto& to = servers_[next_++ % servers_.size()];
         auto chosen = settings_;
-        if (chosen.contains("host") && !chosen.contains("hostaddr")) {
-            if (!added_) return lose(failed(unresolved_.c_str()));
-            chosen["host"] = hosts_;
-            chosen["hostaddr"] = hostaddrs_;
-            chosen["port"] = ports_;
-        }
+        for (const auto& [key, value] :
+             {std::pair("host", to.host), std::pair("hostaddr", to.address), std::pair("port", to.port)})
+            if (value.empty()) chosen.erase(key);
+            else chosen[key] = value;
         keys_and_values parameters(chosen);
         connection_.reset(PQconnectStartParams(parameters.keys.data(), parameters.values.data(), 0));
         if (!connection_ || PQstatus(connection_.get()) == CONNECTION_BAD)
-            return lose(failed(connection_ ? PQerrorMessage(connection_.get()) : "out of memory"));
+            return refused(connection_ ? PQerrorMessage(connection_.get()) : "out of memory");
         PQsetnonblocking(connection_.get(), 1);
         PQsetNoticeProcessor(
             connection_.get(), [](void*, const char*) {}, nullptr);
         stage_ = stage::connecting;
+        stage_since_ = loop_.now();
         wait(PGRES_POLLING_WRITING);
     }
 
+    void refused(const char* why) {
+        add_reason(why);
+        forget();
+        next_server();
+    }
+
+    void add_reason(const char* why) { reasons_ += (reasons_.empty() ? "" : "\n") + std::string(why); }
+
     void wait(PostgresPollingStatusType what) {
         int socket = PQsocket(connection_.get());
-        if (socket < 0) return lose(failed("the connection has no socket"));
+        if (socket < 0) return refused("the connection has no socket");
         watched_ = std::make_shared<watched>(loop_, socket); // another one after each step
         await(what == PGRES_POLLING_WRITING);
     }
@@ -307,15 +338,15 @@ private:
         switch (auto next = PQconnectPoll(connection_.get())) {
             case PGRES_POLLING_OK:
                 if (PQserverVersion(connection_.get()) < 150000)
-                    return lose(failed(fmt::format("the server has version {}; 15 or newer is needed",
-                                                   PQserverVersion(connection_.get()) / 10000)
-                                           .c_str()));
+                    return refused(fmt::format("the server has version {}; 15 or newer is needed",
+                                               PQserverVersion(connection_.get()) / 10000)
+                                       .c_str());
                 if (PQenterPipelineMode(connection_.get()) != 1) return lose(failed(PQerrorMessage(connection_.get())));
                 stage_ = stage::ready;
                 wait(PGRES_POLLING_READING);
                 if (then_.connected) then_.connected();
                 return;
-            case PGRES_POLLING_FAILED: return lose(failed(PQerrorMessage(connection_.get())));
+            case PGRES_POLLING_FAILED: return refused(PQerrorMessage(connection_.get()));
             default: return wait(next);
         }
     }
@@ -364,9 +395,12 @@ private:
     void look() {
         if (stage_ == stage::away) return;
         watch_.arm(ise::saturating_add(loop_.now(), look_period));
-        if (stage_ != stage::ready && loop_.now() - stage_since_ > connect_within)
-            lose(failed(stage_ == stage::resolving ? "its name was not resolved within 10 s"
-                                                   : "the server did not accept the connection within 10 s"));
+        auto waits = loop_.now() - stage_since_;
+        if (stage_ == stage::resolving && waits > answer_within) lose(failed("its name was not resolved within 10 s"));
+        else if (stage_ == stage::connecting && waits > connect_within_)
+            refused(fmt::format("the server at {}, port {}, did not accept the connection within {} s",
+                                PQhost(connection_.get()), PQport(connection_.get()), connect_within_ / 1s)
+                        .c_str());
         else if (!waiting_.empty() && loop_.now() - waiting_.front().since > answer_within)
             lose(failed("the server did not answer within 10 s"));
     }
@@ -374,14 +408,19 @@ private:
     ise::loop& loop_;
     std::string name_;
     settings settings_;
+    ise::duration connect_within_;
     events then_;
     asio::ip::tcp::resolver resolver_;
     ise::timer again_, watch_;
     stage stage_ = stage::away;
     ise::time_point stage_since_{};
     ise::failure trouble_{ise::errc::io_failed, name_ + ": not connected yet"};
-    std::string hosts_, hostaddrs_, ports_, unresolved_;
-    bool added_ = false;
+    struct server {
+        std::string host, address, port; // empty: libpq's own choice
+    };
+    std::vector<server> servers_;
+    std::size_t next_ = 0, left_ = 0; // the next one's number; how many are left of this attempt
+    std::string reasons_;             // of those that were tried, a line each
     connection connection_;
     std::shared_ptr<watched> watched_;
     std::deque<statement> waiting_;

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <iterator>
 #include <utility>
 
 namespace ise {
@@ -33,7 +34,8 @@ std::string lower(std::string_view text) {
 
 std::uint16_t usual_port(std::string_view scheme) {
     static constexpr std::pair<std::string_view, std::uint16_t> usual[] = {
-        {"http", 80}, {"https", 443}, {"imap", 143}, {"imaps", 993}, {"smtp", 25}, {"smtps", 465}};
+        {"http", 80}, {"https", 443}, {"imap", 143},        {"imaps", 993},
+        {"smtp", 25}, {"smtps", 465}, {"postgresql", 5432}, {"postgres", 5432}};
     for (const auto& [name, port] : usual)
         if (name == scheme) return port;
     return 0;
@@ -98,6 +100,38 @@ std::string without_user(std::string_view url) {
                  std::ranges::all_of(user, is_of_host);
     return std::string(url.substr(0, begin)).append(url.substr(plain ? begin + user.size() + 1 : begin));
 }
+
+bool names_several_hosts(std::string_view url) {
+    return url.starts_with("postgresql://") || url.starts_with("postgres://");
+}
+
+// "postgresql://user@a:5432,b/database?sslmode=require": the servers that libpq would connect to. libpq lets parameters
+// replace the hosts, takes all up to an "@" before the first "/" for a user, and knows no fragment.
+result<std::vector<url_parts>> servers_of(std::string_view url) {
+    auto plain = without_user(url);
+    auto begin = plain.find("://") + 3;
+    auto end = std::min(plain.find_first_of("/?#", begin), plain.size());
+    auto rest = std::string_view(plain).substr(end);
+    if (rest.substr(0, rest.find('/')).find('@') != rest.npos || rest.find('#') != rest.npos)
+        return no_url(url, "a # or an @ follows its hosts");
+    for (auto words = rest.substr(std::min(rest.find('?'), rest.size())); !words.empty();) {
+        words.remove_prefix(1);
+        auto word = words.substr(0, words.find('&'));
+        words.remove_prefix(word.size());
+        auto key = word.substr(0, word.find('='));
+        if (key == "host" || key == "hostaddr" || key == "port" || key.find('%') != key.npos)
+            return no_url(url, "hosts and ports are written before the database");
+    }
+    std::vector<url_parts> all;
+    for (auto from = begin; from <= end;) {
+        auto next = std::min(plain.find(',', from), end);
+        auto one = parse_url(plain.substr(0, begin) + plain.substr(from, next - from) + std::string(rest));
+        if (!one) return one.error();
+        all.push_back(std::move(*one));
+        from = next + 1;
+    }
+    return all;
+}
 } // namespace
 
 result<std::vector<url_parts>> urls_in(std::string_view text) {
@@ -105,6 +139,12 @@ result<std::vector<url_parts>> urls_in(std::string_view text) {
     for (auto at = text.find("://"); at != std::string_view::npos; at = text.find("://", at + 3)) {
         auto from = at;
         while (from > 0 && is_of_scheme(text[from - 1])) --from;
+        if (names_several_hosts(text.substr(from))) {
+            auto servers = servers_of(text.substr(from));
+            if (!servers) return servers.error();
+            std::ranges::move(*servers, std::back_inserter(all));
+            continue;
+        }
         auto one = text.substr(from, text.find_first_of(" \t,;\"'", at) - from);
         auto parsed = parse_url(without_user(one));
         if (!parsed) return parsed.error();

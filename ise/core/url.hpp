@@ -24,7 +24,8 @@ struct url_parts {
 result<url_parts> parse_url(std::string_view text);
 
 /// All parts of a text that are URLs: of "xbee=tcp://10.0.0.1:7411" the one behind the "=". A plain user name before
-/// the host is left out: "postgresql://atirma@db.example/atirma". errc::invalid_argument as above.
+/// the host is left out. A URL of PostgreSQL extends to the end of the text and is one for each of its hosts:
+/// "postgresql://atirma@db-1.example,db-2.example:5433/atirma". errc::invalid_argument as above.
 result<std::vector<url_parts>> urls_in(std::string_view text);
 
 } // namespace ise

@@ -61,14 +61,42 @@ def unprivileged():
     raise Skipped("there is neither a user 'postgres' nor 'nobody' to run PostgreSQL as")
 
 
+def programs():
+    """The folder of the newest PostgreSQL."""
+    found = sorted(glob.glob("/usr/lib/postgresql/*/bin/initdb"), key=lambda path: int(path.split("/")[4]))
+    if not found or int(found[-1].split("/")[4]) < 15:
+        raise Skipped("PostgreSQL 15 is not installed (cmake/install-packages test)")
+    return Path(found[-1]).parent
+
+
+def family(*roots):
+    """These processes and all that they started, parents first."""
+    children = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                children.setdefault(int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1]), []).append(int(entry.name))
+            except (OSError, IndexError):
+                continue
+    made = [each for each in roots if each > 1]
+    for each in made:
+        made += [child for child in children.get(each, []) if child > 1 and child not in made]
+    return made
+
+
+def signalled(number, *roots):
+    for pid in family(*roots):
+        try:
+            os.kill(pid, number)
+        except ProcessLookupError:
+            pass
+
+
 class Server:
     """A PostgreSQL of its own."""
 
     def __init__(self, folder, data=None, password=None, options=(), port=5432):
-        found = sorted(glob.glob("/usr/lib/postgresql/*/bin/initdb"), key=lambda path: int(path.split("/")[4]))
-        if not found or int(found[-1].split("/")[4]) < 15:
-            raise Skipped("PostgreSQL 15 is not installed (cmake/install-packages test)")
-        self.bin, self.who = Path(found[-1]).parent, unprivileged()
+        self.bin, self.who = programs(), unprivileged()
         self.folder = folder / "server"
         self.data = data or self.folder / "data"
         for each in (self.folder, self.data):
@@ -106,24 +134,8 @@ class Server:
                 env=self.environment, stdout=log, stderr=log, cwd="/", start_new_session=True, **self.who)
         until(lambda: self.command("pg_isready", "-h", self.folder, "-p", self.port).returncode == 0, "PostgreSQL accepts connections")
 
-    def everybody(self):
-        """Its processes: the postmaster, and those that have it as their parent."""
-        made = [self.process.pid]
-        for entry in Path("/proc").iterdir():
-            if entry.name.isdigit():
-                try:
-                    if int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1]) == self.process.pid:
-                        made.append(int(entry.name))
-                except (OSError, IndexError):
-                    continue
-        return [each for each in made if each > 1]
-
     def signal_all(self, number):
-        for pid in self.everybody():
-            try:
-                os.kill(pid, number)
-            except ProcessLookupError:
-                pass
+        signalled(number, self.process.pid)
 
     def kill(self):
         """As a loss of power of the server's processes."""
@@ -199,11 +211,15 @@ class Shore:
             if not page["more"]:
                 return made
 
-    def state(self, n):
-        done = subprocess.run([ISE, "echo", f"atirma/shore/node-{n}", "communication_state", "--count", "1"], env=self.environment(),
-                              capture_output=True, text=True, timeout=LIMIT_S, check=False)
-        expect(f"node {n} tells its state", done.returncode == 0, done.stderr)
+    def next_of(self, path, service):
+        """The next packet that it publishes."""
+        done = subprocess.run([ISE, "--wait", "--timeout", "25s", "echo", path, service, "--count", "1"], env=self.environment(), capture_output=True, text=True,
+                              timeout=LIMIT_S, check=False)
+        expect(f"{path} publishes {service}", done.returncode == 0, done.stderr)
         return json.loads(done.stdout.strip().splitlines()[-1])
+
+    def state(self, n):
+        return self.next_of(f"atirma/shore/node-{n}", "communication_state")
 
     def close(self):
         for one in self.running:
@@ -535,10 +551,11 @@ def story_set_back(folder, shore):
         server.stop()
 
 
-STORIES = {name.removeprefix("story_"): what for name, what in list(globals().items()) if name.startswith("story_")}
+def stories_in(module):
+    return {name.removeprefix("story_"): what for name, what in list(module.items()) if name.startswith("story_")}
 
 
-def main():
+def main(stories):
     global ISE, NAME_SERVER, ATIRMA
     if len(sys.argv) < 4:
         print(__doc__, file=sys.stderr)
@@ -549,19 +566,19 @@ def main():
         print("skipped: the programs were built without libpq (cmake/install-packages build)")
         return 77
     told, skipped = 0, []
-    for name in sys.argv[4:] or STORIES:
+    for name in sys.argv[4:] or stories:
         folder = Path(tempfile.mkdtemp(prefix="ise-postgres-"))
         shore = None
         try:
             shore = Shore(folder)
-            STORIES[name](folder, shore)
+            stories[name](folder, shore)
             print(f"good: {name}", flush=True)
             told += 1
         except Skipped as why:
             skipped.append(str(why))
             print(f"skipped: {name}: {why}", flush=True)
         except (Failed, subprocess.TimeoutExpired) as why:
-            print(f"wrong: {name}: {STORIES[name].__doc__}\n{why}", flush=True)
+            print(f"wrong: {name}: {stories[name].__doc__}\n{why}", flush=True)
             for log in sorted(folder.rglob("*.log")):
                 print(f"--- {log.name}\n{log.read_text()[-3000:]}", flush=True)
             return 1
@@ -573,4 +590,4 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(stories_in(globals())))

@@ -219,6 +219,25 @@ TEST_CASE("an endpoint in a text is no way around the rules") {
     CHECK_THAT(refusal(request({{"mark", "://x"}}), open), Contains("is not a URL"));
 }
 
+TEST_CASE("the rules check each host of a database") {
+    launch_rules open;
+    open.target_hosts = {"10.0.0.7", "db.example:5432", "[::1]:5433"};
+    for (const char* good :
+         {"postgresql://atirma@10.0.0.7:5433,db.example/atirma?target_session_attrs=read-write",
+          "postgres://10.0.0.7,[::1]:5433,db.example:5432?sslmode=verify-full&sslrootcert=/etc/ca.pem"})
+        CHECK(refusal(request({{"mark", good}}), open) == "it was allowed");
+    for (const char* bad :
+         {"postgresql://atirma@10.0.0.7,10.0.0.8/atirma", "postgresql://10.0.0.7,10.0.0.8:1,db.example",
+          "postgresql://db.example,db.example:5433/x", "postgresql://10.0.0.7,[::1]/x"})
+        CHECK_THAT(refusal(request({{"mark", bad}}), open), Contains("--allow-host"));
+    for (const char* bad :
+         {"postgresql://10.0.0.7,/x", "postgresql://,10.0.0.7/x", "postgresql://10.0.0.7/x?host=10.0.0.8",
+          "postgresql://10.0.0.7/x?sslmode=require&hostaddr=10.0.0.8", "postgresql://10.0.0.7/x?port=22",
+          "postgresql://10.0.0.7/x?ho%73t=10.0.0.8", "postgresql://10.0.0.7#@10.0.0.8/x", "postgresql://10.0.0.7#.x/y",
+          "postgresql://10.0.0.7?x=@10.0.0.8/x", "postgresql://10.0.0.7 ,10.0.0.8/x", "postgresql:///x"})
+        CHECK_THAT(refusal(request({{"mark", bad}}), open), Contains("is not a URL"));
+}
+
 TEST_CASE("endpoints are loopback unless the rules say otherwise") {
     auto with = [](std::vector<std::string> listen, launch_rules rules = {}) {
         auto asked = request();
