@@ -7,6 +7,7 @@
 #include <ise/name_server/etcd_store.hpp>
 #include <ise/name_server/name_server.hpp>
 #include <ise/service/service_host.hpp>
+#include <ise/transport/tls/identity.hpp>
 
 #include <CLI/CLI.hpp>
 
@@ -27,6 +28,7 @@ struct settings {
     std::vector<std::string> listen, advertise;
     std::string state;
     std::string store, store_user, store_password_file;
+    ise::net::tls::identity_files store_tls;
     std::string lease = "2s";
     ise::security_options security;
     ise::node_options node; ///< metrics and traces
@@ -81,6 +83,17 @@ std::shared_ptr<ise::server_memory> memory_of(const settings& wanted, ise::envir
     return nullptr;
 }
 
+// What authenticates members over TLS.
+std::shared_ptr<ise::net::tls::identity> store_identity(const settings& wanted, ise::environment& env, bool over_tls) {
+    const auto& files = wanted.store_tls;
+    if (over_tls && files.authorities.empty())
+        throw CLI::ValidationError("--store", "etcds:// needs the authorities that sign its members: --store-ca-file");
+    if (over_tls) return ise::net::tls::identity::load(env, files).value();
+    if (!files.authorities.empty() || !files.certificate.empty())
+        throw CLI::ValidationError("--store", "must be etcds://… for --store-ca-file and --store-certificate");
+    return nullptr;
+}
+
 // The password is in no option, since those of every process can be read by all.
 std::optional<ise::etcd_options> store_of(const settings& wanted, ise::environment& env) {
     if (wanted.store.empty()) return std::nullopt;
@@ -88,6 +101,7 @@ std::optional<ise::etcd_options> store_of(const settings& wanted, ise::environme
     auto members = ise::parse_etcd_members(wanted.store);
     if (!members) throw CLI::ValidationError("--store", members.error().message());
     made.members = std::move(*members);
+    made.tls = store_identity(wanted, env, made.members.front().kind == ise::protocol::tls);
     made.user = wanted.store_user;
     if (!wanted.store_password_file.empty()) {
         made.password = env.read_secret(wanted.store_password_file, 4096).value();
@@ -167,15 +181,29 @@ int main(int argc, char** argv) {
                    "state file that proves grants to the next name server, or none (default: below $XDG_STATE_HOME or "
                    "~/.local/state)")
         ->type_name("FILE");
-    app.add_option("--store", wanted.store,
-                   "etcd that this name server shares its names with others in, as etcd followed by :// and its "
-                   "members: a:2379,b:2379,c:2379 (default: names are kept in memory)")
-        ->type_name("STORE");
+    auto* store =
+        app.add_option(
+               "--store", wanted.store,
+               "etcd that this name server shares its names with others in, as etcd (over TLS: etcds) followed by "
+               ":// and its members: a:2379,b:2379,c:2379 (default: names are kept in memory)")
+            ->type_name("STORE");
     app.add_option("--store-user", wanted.store_user, "user of the store (default: no authentication)")
         ->type_name("USER");
     app.add_option("--store-password-file", wanted.store_password_file,
                    "file with the user's password (default: $ISE_STORE_PASSWORD)")
         ->type_name("FILE");
+    app.add_option("--store-ca-file", wanted.store_tls.authorities,
+                   "PEM file of the authorities that sign the certificates of a store over TLS")
+        ->needs(store)
+        ->type_name("FILE");
+    auto* certificate = app.add_option("--store-certificate", wanted.store_tls.certificate,
+                                       "PEM file of a certificate of this side, for a store that demands one")
+                            ->needs(store)
+                            ->type_name("FILE");
+    auto* key = app.add_option("--store-key-file", wanted.store_tls.key, "PEM file of its private key")
+                    ->needs(certificate)
+                    ->type_name("FILE");
+    certificate->needs(key);
     app.add_option("--lease", wanted.lease,
                    "the longest lease, after which a lost node loses its names, such as 2s or 500ms")
         ->capture_default_str();

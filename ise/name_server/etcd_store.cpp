@@ -53,6 +53,15 @@ const json& list_of(const json& from, const char* field) {
 
 failure unreadable() { return failure(errc::malformed, "etcd sent an answer that cannot be read"); }
 
+// Of an answer that is not the gateway's.
+std::string first_line(std::string_view text) {
+    text = text.substr(0, std::min(text.find('\n'), std::size_t{200}));
+    std::string printable(text);
+    std::ranges::replace_if(
+        printable, [](unsigned char letter) { return letter < 0x20 || letter >= 0x7f; }, '?');
+    return printable;
+}
+
 bool same_word(std::string_view a, std::string_view b) {
     return std::ranges::equal(a, b, [](unsigned char x, unsigned char y) { return (x | 0x20) == (y | 0x20); });
 }
@@ -60,20 +69,19 @@ bool same_word(std::string_view a, std::string_view b) {
 } // namespace
 
 result<std::vector<endpoint>> parse_etcd_members(std::string_view text) {
-    constexpr std::string_view scheme = "etcd://";
+    constexpr std::string_view clear = "etcd://", secured = "etcds://";
     auto wrong = [&](std::string_view why) {
-        return failure(
-            errc::invalid_argument,
-            fmt::format("'{}' {}; a store is written like etcd://a:2379,b:2379,c:2379", text.substr(0, 200), why));
+        return failure(errc::invalid_argument,
+                       fmt::format("'{}' {}; a store is written like etcd://a:2379,b:2379,c:2379, over TLS etcds://…",
+                                   text.substr(0, 200), why));
     };
-    if (text.starts_with("etcds://") || text.starts_with("https://"))
-        return wrong("needs TLS, which this client has not: reach etcd over a network of its own, or a tunnel");
-    if (!text.starts_with(scheme)) return wrong("is no store that is known");
+    const bool over_tls = text.starts_with(secured);
+    if (!over_tls && !text.starts_with(clear)) return wrong("is no store that is known");
     std::vector<endpoint> all;
-    text.remove_prefix(scheme.size());
+    text.remove_prefix(over_tls ? secured.size() : clear.size());
     for (std::size_t begin = 0; begin <= text.size();) {
         auto end = std::min(text.find(',', begin), text.size());
-        auto one = endpoint::parse(fmt::format("tcp://{}", text.substr(begin, end - begin)));
+        auto one = endpoint::parse(fmt::format("{}://{}", over_tls ? "tls" : "tcp", text.substr(begin, end - begin)));
         if (!one || one->port == 0) return wrong("has a member that is no host:port");
         all.push_back(std::move(*one));
         begin = end + 1;
@@ -170,12 +178,19 @@ public:
 private:
     failure lost(const std::error_code& why) const {
         if (late_) return failure(errc::timed_out, "etcd did not answer in time");
+        if (auto no = over_->verdict()) // the client's certificate is refused only now
+            return failure(errc::peer_lost, fmt::format("etcd at {}: {}", over_->peer(), no->message()));
+        if (why == asio::error::eof && !heard_)
+            return failure(errc::peer_lost, fmt::format("etcd at {} closed the connection without an answer: does it "
+                                                        "serve TLS, and --store begins with etcd:// (not etcds://)?",
+                                                        over_->peer()));
         return failure(errc::peer_lost, fmt::format("the connection to etcd was lost: {}", why.message()));
     }
     task<result<void>> fill() {
         std::array<char, 16 * 1024> room;
         auto read = co_await over_->read_some(asio::buffer(room));
         if (read.bytes == 0) co_return lost(read.problem);
+        heard_ = true;
         got_.append(room.data(), read.bytes);
         co_return result<void>();
     }
@@ -197,7 +212,7 @@ private:
     timer alarm_;
     std::string got_;
     std::size_t length_ = 0;
-    bool chunked_ = false, keeps_ = true;
+    bool chunked_ = false, keeps_ = true, heard_ = false;
 };
 
 etcd_store::etcd_store(loop& on, etcd_options options) : on_(on), options_(std::move(options)) {}
@@ -213,10 +228,10 @@ void etcd_store::pass_over(std::size_t member) {
 
 task<result<std::unique_ptr<etcd_store::line>>> etcd_store::dial(time_point deadline) {
     auto to = options_.members[member_];
-    auto made = co_await net::connect_until(on_, to, deadline);
-    if (!made)
-        co_return failure(errc::unreachable,
-                          fmt::format("etcd at {} is not reached: {}", to.text(), made.error().message()));
+    security with;
+    with.tls = options_.tls;
+    auto made = co_await net::connect_until(on_, to, deadline, std::move(with));
+    if (!made) co_return failure(errc::unreachable, fmt::format("etcd: {}", made.error().message()));
     co_return std::make_unique<line>(on_, std::move(*made));
 }
 
@@ -271,7 +286,7 @@ task<result<std::string>> etcd_store::post_once(std::string target, std::string 
     }
     if (status == 200) co_return answer;
     auto parsed = json::parse(answer, nullptr, false);
-    auto words = parsed.is_object() ? parsed.value("error", std::string()) : std::string();
+    auto words = parsed.is_object() ? parsed.value("error", std::string()) : first_line(answer);
     if (words.find("lease not found") != words.npos) co_return failure(errc::no_such_name, words);
     if (status == 401 || words.find("invalid auth token") != words.npos) {
         token_.clear();

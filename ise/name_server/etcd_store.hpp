@@ -3,6 +3,7 @@
 #include <ise/core/loop.hpp>
 #include <ise/core/stream.hpp>
 #include <ise/name_server/name_store.hpp>
+#include <ise/transport/security.hpp>
 
 #include <memory>
 #include <string>
@@ -13,16 +14,17 @@
 namespace ise {
 
 struct etcd_options {
-    std::vector<endpoint> members; ///< their client endpoints, over tcp
+    std::vector<endpoint> members; ///< their client endpoints, over tcp or tls
     std::string user;              ///< empty: without authentication
     std::string password;
-    std::string prefix = "/ise/names/"; ///< of all keys: one for each system
+    std::shared_ptr<net::tls::identity> tls; ///< for members over tls: authorities and, perhaps, a certificate
+    std::string prefix = "/ise/names/";      ///< of all keys: one for each system
 };
 
-/// "etcd://a:2379,b:2379,c:2379". Errors: errc::invalid_argument.
+/// "etcd://a:2379,b:2379,c:2379", or "etcds://…" over TLS. Errors: errc::invalid_argument.
 result<std::vector<endpoint>> parse_etcd_members(std::string_view text);
 
-/// etcd 3.4 by its JSON gateway, over HTTP/1.1 without TLS. Asks one member, and the next one when it does not answer.
+/// etcd 3.4 by its JSON gateway, over HTTP/1.1. Asks one member, and the next one when it does not answer.
 class etcd_store final : public name_store {
 public:
     etcd_store(loop& on, etcd_options options);

@@ -2,10 +2,13 @@
 import base64
 import json
 import shutil
+import ssl
+import subprocess
 import threading
 import time
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 from world import Failed, Skipped, World
 
@@ -16,17 +19,54 @@ def coded(text: str | bytes) -> str:
     return base64.b64encode(text.encode() if isinstance(text, str) else text).decode()
 
 
-class Cluster:
-    """Three members on loopback ports that were free, in the story's folder."""
+class Authority:
+    """Signs certificates for 127.0.0.1 in the story's folder; each is a folder with ca.pem, certificate.pem and key.pem."""
 
-    def __init__(self, world: World, *options: str):
+    def __init__(self, world: World, name: str):
+        self.world, self.name, self.folder = world, name, world.folder / name
+        self.folder.mkdir()
+        self.keys("ca", name)
+
+    def keys(self, *words: str):
+        subprocess.run([str(self.world.bin / "ise"), "keys", *words], cwd=self.folder, check=True, capture_output=True)
+
+    def issue(self, name: str) -> Path:
+        self.keys("request", f"ise://{self.name}/{name}", "--host", "127.0.0.1")
+        self.keys("issue", name)
+        return self.folder / name
+
+    def issue_nameless(self, name: str) -> Path:
+        """Without a common name: a gateway of an etcd with authentication refuses others."""
+        made = self.folder / name
+        made.mkdir()
+        new_key = ["req", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-keyout", made / "key.pem"]
+        ca = ["-CA", self.folder / "authority/ca.pem", "-CAkey", self.folder / "authority/ca-key.pem"]
+        for words in ([*new_key, "-subj", "/O=ise", "-out", made / "request.pem"],
+                      ["x509", "-req", "-in", made / "request.pem", *ca, "-days", "2", "-out", made / "certificate.pem"]):
+            subprocess.run(["openssl", *map(str, words)], check=True, capture_output=True)
+        shutil.copy(self.folder / "authority/ca.pem", made)
+        return made
+
+
+class Cluster:
+    """Three members on loopback ports that were free, in the story's folder. With an authority they serve TLS, to clients
+    with one of its certificates only."""
+
+    def __init__(self, world: World, *options: str, authority: Authority | None = None):
         if not (program := shutil.which("etcd")):
             raise Skipped("there is no etcd here (Debian: etcd-server)")
         self.world = world
         ports = [(world.free_port(), world.free_port()) for _ in range(3)]
         self.names = [f"etcd{n}" for n in range(3)]
-        self.urls = [f"http://127.0.0.1:{client}" for client, _ in ports]
-        self.store = "etcd://" + ",".join(f"127.0.0.1:{client}" for client, _ in ports)
+        self.urls = [f"http{'s' if authority else ''}://127.0.0.1:{client}" for client, _ in ports]
+        self.tls = None
+        if authority:
+            mine = authority.issue("etcd")
+            options += ("--client-cert-auth", "--trusted-ca-file", str(mine / "ca.pem"), "--cert-file", str(mine / "certificate.pem"),
+                        "--key-file", str(mine / "key.pem"))
+            self.tls = ssl.create_default_context(cafile=mine / "ca.pem")
+            self.tls.load_cert_chain(mine / "certificate.pem", mine / "key.pem")
+        self.store = f"etcd{'s' if authority else ''}://" + ",".join(f"127.0.0.1:{client}" for client, _ in ports)
         peers = [f"http://127.0.0.1:{peer}" for _, peer in ports]
         initial = ",".join(f"{name}={peer}" for name, peer in zip(self.names, peers))
         for name, url, peer in zip(self.names, self.urls, peers):
@@ -39,7 +79,7 @@ class Cluster:
     def ask(self, member: int, target: str, request: dict, wait: float = 2) -> dict | None:
         question = urllib.request.Request(f"{self.urls[member]}/v3/{target}", json.dumps(request).encode(), method="POST")
         try:
-            with urllib.request.urlopen(question, timeout=wait) as answer:
+            with urllib.request.urlopen(question, timeout=wait, context=self.tls) as answer:
                 return json.loads(answer.read())
         except (OSError, ValueError):
             return None
@@ -50,6 +90,24 @@ class Cluster:
             if status and status.get("leader", "0") == status["header"]["member_id"]:
                 return member
         return None
+
+    def demand_password(self, user: str, password: str):
+        """That user may read and write what is below /ise/names/, and nothing else; then everybody needs a user."""
+        below = {"permType": "READWRITE", "key": coded("/ise/names/"), "range_end": coded("/ise/names0")}
+        for target, request in (
+            ("auth/user/add", {"name": "root", "password": "pass-of-root"}),
+            ("auth/role/add", {"name": "root"}),
+            ("auth/user/grant", {"user": "root", "role": "root"}),
+            ("auth/role/add", {"name": "names"}),
+            ("auth/role/grant", {"name": "names", "perm": below}),
+            ("auth/user/add", {"name": user, "password": password}),
+            ("auth/user/grant", {"user": user, "role": "names"}),
+            ("auth/enable", {}),
+        ):
+            if self.ask(0, target, request, 10) is None:
+                raise Failed(f"etcd refuses {target}")
+        if not self.world.until(lambda: self.ask(1, "kv/range", {"key": coded("/ise/names/offset")}) is None, 10):
+            raise Failed("etcd answers without a user")
 
     def process(self, member: int):
         return self.world.processes[self.names[member]]

@@ -51,13 +51,22 @@ std::vector<certificate> certificates_of(const std::string& text) {
     return all;
 }
 
+failure unusable(const std::string& file, std::string_view why) {
+    return {errc::invalid_argument, fmt::format("{} cannot be used: {}", file, why)};
+}
+
 } // namespace
 
-result<std::shared_ptr<identity>> identity::load(environment& env, const std::string& folder) {
-    std::shared_ptr<identity> made(new identity(folder));
+result<std::shared_ptr<identity>> identity::load(environment& env, identity_files from) {
+    std::shared_ptr<identity> made(new identity(std::move(from)));
     auto read = made->refresh(env);
     if (!read) return read.error();
     return made;
+}
+
+result<std::shared_ptr<identity>> identity::load(environment& env, const std::string& folder) {
+    identity_files from{folder + "/ca.pem", folder + "/certificate.pem", folder + "/key.pem"};
+    return load(env, std::move(from));
 }
 
 result<std::shared_ptr<ssl_ctx_st>> identity::context(environment& env) {
@@ -90,24 +99,38 @@ result<void> identity::refresh(environment& env) {
     return {};
 }
 
-result<identity::files> identity::read(environment& env) const {
-    files made;
-    auto authorities = env.read_trusted(folder_ + "/ca.pem", max_file);
+result<identity::contents> identity::read(environment& env) const {
+    contents made;
+    auto authorities = env.read_trusted(files_.authorities, max_file);
     if (!authorities) return authorities.error();
-    auto certificate = env.read_trusted(folder_ + "/certificate.pem", max_file);
-    if (!certificate) return certificate.error();
-    auto key = env.read_secret(folder_ + "/key.pem", max_file);
-    if (!key) return key.error();
     made.authorities = std::move(*authorities);
+    if (files_.certificate.empty()) return made;
+    auto certificate = env.read_trusted(files_.certificate, max_file);
+    if (!certificate) return certificate.error();
+    auto key = env.read_secret(files_.key, max_file);
+    if (!key) return key.error();
     made.certificate = std::move(*certificate);
     made.key = std::move(*key);
     return made;
 }
 
-result<std::shared_ptr<ssl_ctx_st>> identity::build(const files& from) {
-    auto wrong = [this](const char* file, std::string_view why) {
-        return failure(errc::invalid_argument, fmt::format("{}/{} cannot be used: {}", folder_, file, why));
-    };
+// Its own certificate and key; the identity in it.
+result<std::string> identity::show_own(SSL_CTX* to, const contents& from) const {
+    auto own = certificates_of(from.certificate);
+    if (own.empty()) return unusable(files_.certificate, "there is no certificate in it");
+    if (SSL_CTX_use_certificate(to, own.front().get()) != 1) return unusable(files_.certificate, cause());
+    for (std::size_t at = 1; at < own.size(); ++at)
+        if (SSL_CTX_add1_chain_cert(to, own[at].get()) != 1) return unusable(files_.certificate, cause());
+    auto about = subject_of(*own.front());
+    if (!about) return unusable(files_.certificate, about.error().message());
+    private_key key(PEM_read_bio_PrivateKey(over(from.key).get(), nullptr, no_passphrase, nullptr));
+    if (!key) return unusable(files_.key, fmt::format("{} (it must be a private key without a passphrase)", cause()));
+    if (SSL_CTX_use_PrivateKey(to, key.get()) != 1)
+        return unusable(files_.key, fmt::format("it does not belong to {} ({})", files_.certificate, cause()));
+    return std::move(about->identity);
+}
+
+result<std::shared_ptr<ssl_ctx_st>> identity::build(const contents& from) {
     ERR_clear_error();
     std::shared_ptr<SSL_CTX> made(SSL_CTX_new(TLS_method()), SSL_CTX_free);
     if (!made) return failure(errc::io_failed, fmt::format("OpenSSL makes no context: {}", cause()));
@@ -121,28 +144,23 @@ result<std::shared_ptr<ssl_ctx_st>> identity::build(const files& from) {
     SSL_CTX_set_default_passwd_cb(to, no_passphrase);
     SSL_CTX_set_verify_depth(to, max_chain);
 
-    auto own = certificates_of(from.certificate);
-    if (own.empty()) return wrong("certificate.pem", "there is no certificate in it");
-    if (SSL_CTX_use_certificate(to, own.front().get()) != 1) return wrong("certificate.pem", cause());
-    for (std::size_t at = 1; at < own.size(); ++at)
-        if (SSL_CTX_add1_chain_cert(to, own[at].get()) != 1) return wrong("certificate.pem", cause());
-    auto about = subject_of(*own.front());
-    if (!about) return wrong("certificate.pem", about.error().message());
-    private_key key(PEM_read_bio_PrivateKey(over(from.key).get(), nullptr, no_passphrase, nullptr));
-    if (!key) return wrong("key.pem", fmt::format("{} (it must be a private key without a passphrase)", cause()));
-    if (SSL_CTX_use_PrivateKey(to, key.get()) != 1)
-        return wrong("key.pem", fmt::format("it does not belong to certificate.pem ({})", cause()));
+    std::string who;
+    if (!files_.certificate.empty()) {
+        auto own = show_own(to, from);
+        if (!own) return own.error();
+        who = std::move(*own);
+    }
 
     auto* store = SSL_CTX_get_cert_store(to);
     auto authorities = certificates_of(from.authorities);
-    if (authorities.empty()) return wrong("ca.pem", "there is no certificate in it");
+    if (authorities.empty()) return unusable(files_.authorities, "there is no certificate in it");
     for (const auto& one : authorities)
-        if (X509_STORE_add_cert(store, one.get()) != 1) return wrong("ca.pem", cause());
+        if (X509_STORE_add_cert(store, one.get()) != 1) return unusable(files_.authorities, cause());
     auto lists = over(from.authorities);
     int count = 0;
     std::set<std::string> listed;
     while (auto list = revocations(PEM_read_bio_X509_CRL(lists.get(), nullptr, no_passphrase, nullptr))) {
-        if (X509_STORE_add_crl(store, list.get()) != 1) return wrong("ca.pem", cause());
+        if (X509_STORE_add_crl(store, list.get()) != 1) return unusable(files_.authorities, cause());
         ++count;
         auto* entries = X509_CRL_get_REVOKED(list.get());
         for (int at = 0; entries && at < sk_X509_REVOKED_num(entries); ++at)
@@ -151,11 +169,12 @@ result<std::shared_ptr<ssl_ctx_st>> identity::build(const files& from) {
     }
     ERR_clear_error();
     // Where there was a list once, none is not an empty one.
-    if (count == 0 && knows_revoked_) return wrong("ca.pem", "it had a revocation list before, and has none now");
+    if (count == 0 && knows_revoked_)
+        return unusable(files_.authorities, "it had a revocation list before, and has none now");
     if (count > 0) X509_STORE_set_flags(store, X509_V_FLAG_CRL_CHECK | X509_V_FLAG_CRL_CHECK_ALL);
     knows_revoked_ = count > 0;
     revoked_ = std::move(listed);
-    who_ = std::move(about->identity);
+    who_ = std::move(who);
     return std::shared_ptr<ssl_ctx_st>(std::move(made));
 }
 

@@ -18,7 +18,7 @@ int on_certificate(int good, X509_STORE_CTX* check) {
     auto* tls = static_cast<SSL*>(X509_STORE_CTX_get_ex_data(check, SSL_get_ex_data_X509_STORE_CTX_idx()));
     auto* to = static_cast<shown_certificate*>(SSL_get_app_data(tls));
     if (!good) {
-        to->objection.emplace(errc::unauthorized, objection(*check, to->host));
+        to->objection.emplace(errc::unauthorized, objection(*check, to->host, to->authorities));
         return 0;
     }
     auto* about = X509_STORE_CTX_get_current_cert(check);
@@ -40,7 +40,9 @@ public:
 
     result<std::shared_ptr<ssl_ctx_st>> context() const override { return with_->context(env_); }
     bool prepare(SSL* session, shown_certificate& to) const override;
-    failure noted(std::string_view scheme) const override { return failure_noted(scheme); }
+    failure noted(std::string_view scheme) const override {
+        return failure_noted(scheme, !with_->files().certificate.empty());
+    }
     failure stranger(std::string_view) const override {
         return {errc::unauthorized, "certificates are required here, and TLS was not begun: it dials udp://, and this "
                                     "side listens on udp+tls://"};
@@ -57,6 +59,7 @@ private:
 };
 
 bool certificate_proof::prepare(SSL* session, shown_certificate& to) const {
+    to.authorities = with_->files().authorities;
     SSL_set_app_data(session, &to);
     SSL_set_verify(session, SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, on_certificate);
     auto* rules = SSL_get0_param(session);

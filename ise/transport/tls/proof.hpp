@@ -25,6 +25,7 @@ class identity;
 /// with it.
 struct shown_certificate {
     std::string host;                 ///< that was dialled; empty: this side was called
+    std::string authorities;          ///< the file with those that are believed here
     subject about;                    ///< the peer's, once its certificate was verified
     std::optional<failure> objection; ///< why it was not
 };

@@ -54,8 +54,7 @@ failure refused_by_peer(int alert, std::string_view scheme) {
     };
     switch (alert) {
         case SSL_AD_CERTIFICATE_REQUIRED:
-            return {errc::unauthorized,
-                    "it demands a certificate, and this side has shown none (--tls FOLDER or ISE_TLS)"};
+            return {errc::unauthorized, "it demands a certificate, and this side has shown none"};
         case SSL_AD_CERTIFICATE_EXPIRED:
             return ours("by the clock there it has expired, or the revocation list there is out of date");
         case SSL_AD_CERTIFICATE_REVOKED: return ours("it was revoked");
@@ -64,7 +63,8 @@ failure refused_by_peer(int alert, std::string_view scheme) {
             return ours("it was not issued by an authority that is believed there (ca.pem), or there is no revocation "
                         "list of its authority");
         case SSL_AD_BAD_CERTIFICATE:
-            return ours("it is not for the name or address that was called, or not valid yet by the clock there");
+            return ours("it is not for the name or address that was called, or not valid yet by the clock there, or "
+                        "not believed there");
         case SSL_AD_UNSUPPORTED_CERTIFICATE:
             return ours("it may not be used for this (extendedKeyUsage needs serverAuth and clientAuth)");
         case SSL_AD_CERTIFICATE_UNKNOWN:
@@ -78,6 +78,11 @@ failure refused_by_peer(int alert, std::string_view scheme) {
             return {errc::protocol_error,
                     fmt::format("it ended TLS by alert {} ({})", alert, SSL_alert_desc_string_long(alert))};
     }
+}
+
+// The same where this side has no certificate, which programs in Go call a bad one.
+failure refused_without_one(int alert, std::string_view scheme) {
+    return refused_by_peer(alert == SSL_AD_BAD_CERTIFICATE ? SSL_AD_CERTIFICATE_REQUIRED : alert, scheme);
 }
 
 std::optional<failure> certificate_refused_here(int reason, std::string_view scheme) {
@@ -99,7 +104,7 @@ std::optional<failure> certificate_refused_here(int reason, std::string_view sch
 
 } // namespace
 
-std::string objection(x509_store_ctx_st& check, const std::string& wanted_host) {
+std::string objection(x509_store_ctx_st& check, const std::string& wanted_host, const std::string& authorities) {
     auto* about = X509_STORE_CTX_get_current_cert(&check);
     auto problem = X509_STORE_CTX_get_error(&check);
     auto whose = fmt::format("its certificate ({})", about ? subject_of(about) : "unreadable");
@@ -116,15 +121,17 @@ std::string objection(x509_store_ctx_st& check, const std::string& wanted_host) 
         case X509_V_ERR_DEPTH_ZERO_SELF_SIGNED_CERT:
         case X509_V_ERR_SELF_SIGNED_CERT_IN_CHAIN:
         case X509_V_ERR_CERT_SIGNATURE_FAILURE:
-            return fmt::format("{} was not issued by an authority that is believed here (ca.pem)", whose);
+            return fmt::format("{} was not issued by an authority that is believed here ({})", whose, authorities);
         case X509_V_ERR_HOSTNAME_MISMATCH:
         case X509_V_ERR_IP_ADDRESS_MISMATCH:
             return fmt::format("{} is not for '{}', but for {}", whose, wanted_host, names_of(about));
         case X509_V_ERR_UNABLE_TO_GET_CRL:
             return fmt::format(
-                "{} cannot be looked up: there are revocation lists here, and none of its authority (ca.pem)", whose);
+                "{} cannot be looked up: there are revocation lists here, and none of its authority ({})", whose,
+                authorities);
         case X509_V_ERR_CRL_HAS_EXPIRED:
-            return fmt::format("{} cannot be looked up: the revocation list here is out of date (ca.pem)", whose);
+            return fmt::format("{} cannot be looked up: the revocation list here is out of date ({})", whose,
+                               authorities);
         case X509_V_ERR_CERT_CHAIN_TOO_LONG:
             return fmt::format("the chain of {} is longer than {} (max_chain)", whose, max_chain);
         case X509_V_ERR_INVALID_PURPOSE:
@@ -133,8 +140,9 @@ std::string objection(x509_store_ctx_st& check, const std::string& wanted_host) 
     }
 }
 
-failure failure_noted(std::string_view scheme) {
-    return first_error_noted({refused_by_peer, certificate_refused_here, "TLS broke"}, scheme);
+failure failure_noted(std::string_view scheme, bool shows_own) {
+    auto* of_alert = shows_own ? refused_by_peer : refused_without_one;
+    return first_error_noted({of_alert, certificate_refused_here, "TLS broke"}, scheme);
 }
 
 } // namespace ise::net::tls

@@ -1,30 +1,13 @@
 """An etcd with authentication: name servers with the user's password share names, one with another password says why not."""
-from etcd import Cluster, NameServers, coded
-from world import Failed, Rules, World
+from etcd import Cluster, NameServers
+from world import Rules, World
 
 PASSWORD = "pass-of-the-names"
 
 
-def guard(cluster: Cluster):
-    """A user that may read and write what is below /ise/names/, and nothing else; then everybody needs a user."""
-    for target, request in (
-        ("auth/user/add", {"name": "root", "password": "pass-of-root"}),
-        ("auth/role/add", {"name": "root"}),
-        ("auth/user/grant", {"user": "root", "role": "root"}),
-        ("auth/role/add", {"name": "names"}),
-        ("auth/role/grant", {"name": "names", "perm": {"permType": "READWRITE", "key": coded("/ise/names/"), "range_end": coded("/ise/names0")}}),
-        ("auth/user/add", {"name": "ise", "password": PASSWORD}),
-        ("auth/user/grant", {"user": "ise", "role": "names"}),
-        ("auth/enable", {}),
-    ):
-        if cluster.ask(0, target, request, 10) is None:
-            raise Failed(f"etcd refuses {target}")
-
-
 def tell(world: World):
     cluster = Cluster(world)
-    guard(cluster)
-    world.expect(world.until(lambda: cluster.ask(1, "kv/range", {"key": coded("/ise/names/offset")}) is None, 10), "etcd answers without a user")
+    cluster.demand_password("ise", PASSWORD)
     secret = world.folder / "password"
     secret.write_text(PASSWORD + "\n")
     secret.chmod(0o600)

@@ -330,7 +330,7 @@ TEST_CASE("tls: files that cannot be used are named, with what is wrong") {
     give("key.pem", read_all(usual() / "key.pem"));
     CHECK(wrong() == "nothing");
     give("key.pem", read_all(trusted().issue("other") / "key.pem"));
-    CHECK_THAT(wrong(), Contains("tls/key.pem cannot be used: it does not belong to certificate.pem"));
+    CHECK_THAT(wrong(), Contains("tls/key.pem cannot be used: it does not belong to tls/certificate.pem"));
     give("key.pem", "-----BEGIN PRIVATE KEY-----\nnonsense\n");
     CHECK_THAT(wrong(), Contains("tls/key.pem cannot be used"));
     give("certificate.pem", "nothing of the kind");

@@ -1,0 +1,1 @@
+target_sources(unit_name_server PRIVATE "${PROJECT_SOURCE_DIR}/tests/support/authority.cpp")
