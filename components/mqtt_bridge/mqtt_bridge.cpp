@@ -141,14 +141,14 @@ struct mqtt_bridge::state : std::enable_shared_from_this<state> {
         std::uint64_t type = 0;
     };
 
-    state(component& of, const bridge_options& how, atirma::database opened)
+    state(component& of, const bridge_options& how, database opened)
         : self(of), options(how), db(std::move(opened)), journal(db, of.env().random() >> 1, how.remember),
           wake(of.on(), [this] { wake.resume(asio::error::operation_aborted); }) {}
 
     component& self;
     const bridge_options& options;
     broker_options broker;
-    atirma::database db;
+    database db;
     std::optional<outgoing_queue> queue;
     call_journal journal;
     waiter<std::error_code> wake;
@@ -808,8 +808,8 @@ task<> mqtt_bridge::run() {
         throw wrong("MQTT 3.1.1 has no properties for the times of packets: use --encoding json, or --protocol 5");
     const auto name = options_.store.empty() ? fmt::format("memory:mqtt-{:016x}", env().random()) : options_.store;
     auto clock = [this] { return std::chrono::time_point_cast<std::chrono::system_clock::duration>(wall()); };
-    auto damaged = atirma::when_damaged::keeping_readable(atirma::when_damaged(log(), clock));
-    auto db = atirma::database::open(name, bridge_schema, std::move(damaged));
+    auto damaged = when_damaged::keeping_readable(when_damaged(log(), clock));
+    auto db = database::open(name, bridge_schema, std::move(damaged));
     if (!db) throw error(db.error().code(), fmt::format("the store: {} (--store)", db.error().message()));
     auto held = std::make_shared<state>(*this, options_, std::move(*db));
     auto queue = outgoing_queue::open(held->db, options_.queue);
