@@ -14,7 +14,7 @@ install(TARGETS ${ise_installed} EXPORT iseTargets
   ARCHIVE DESTINATION "${CMAKE_INSTALL_LIBDIR}" LIBRARY DESTINATION "${CMAKE_INSTALL_LIBDIR}"
   INCLUDES DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}")
 # What is in none of these libraries has no headers here either, but for the services that drive an instantiation server.
-set(ise_without PATTERN "instantiation" EXCLUDE PATTERN "deployment" EXCLUDE)
+set(ise_without PATTERN "database" EXCLUDE PATTERN "instantiation" EXCLUDE PATTERN "deployment" EXCLUDE)
 if(NOT ISE_WITH_RECORDINGS)
   list(APPEND ise_without PATTERN "bag" EXCLUDE PATTERN "replay" EXCLUDE)
 endif()

@@ -29,7 +29,7 @@ std::vector<executed_command> late_executions(const account& of) {
     return late;
 }
 
-std::set<packet_key> keys_on(database& disk) {
+std::set<packet_key> keys_on(ise::database& disk) {
     auto rows = disk.query("SELECT boot, sequence FROM packets");
     std::set<packet_key> made;
     for (const auto& row : rows.value())
@@ -37,7 +37,7 @@ std::set<packet_key> keys_on(database& disk) {
     return made;
 }
 
-std::set<packet_key> keys_at_boat(database& memory) {
+std::set<packet_key> keys_at_boat(ise::database& memory) {
     std::set<packet_key> made;
     for (const auto* sql : {"SELECT raw FROM not_receipted", "SELECT raw FROM unacknowledged"}) {
         auto rows = memory.query(sql);
@@ -47,12 +47,12 @@ std::set<packet_key> keys_at_boat(database& memory) {
     return made;
 }
 
-std::uint64_t commands_on(database& disk) {
+std::uint64_t commands_on(ise::database& disk) {
     auto rows = disk.query("SELECT COUNT(*) FROM commands");
     return static_cast<std::uint64_t>(rows.value().at(0).integer(0));
 }
 
-std::vector<telemetry_packet> packets_on(database& disk) {
+std::vector<telemetry_packet> packets_on(ise::database& disk) {
     auto rows = disk.query(
         "SELECT boot, sequence, measured, link, received, history, raw FROM packets ORDER BY measured, boot, sequence");
     std::vector<telemetry_packet> made;

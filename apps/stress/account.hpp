@@ -3,7 +3,7 @@
 #include "operator_seat.hpp"
 #include "plan.hpp"
 
-#include <components/storage/database.hpp>
+#include <ise/database/database.hpp>
 
 #include <array>
 #include <map>
@@ -83,11 +83,11 @@ console_view view_of(const std::string& name, const console::operator_port& at);
 waypoint short_range_node();
 
 /// The packets on a node's disk, in the order of the boat's measurements; and which they are.
-std::vector<telemetry_packet> packets_on(database& disk);
-std::set<packet_key> keys_on(database& disk);
+std::vector<telemetry_packet> packets_on(ise::database& disk);
+std::set<packet_key> keys_on(ise::database& disk);
 /// What the boat's computer keeps of what it sent, until the shore has it.
-std::set<packet_key> keys_at_boat(database& memory);
+std::set<packet_key> keys_at_boat(ise::database& memory);
 /// How many telecommands are on record there.
-std::uint64_t commands_on(database& disk);
+std::uint64_t commands_on(ise::database& disk);
 
 } // namespace atirma::stress

@@ -1,7 +1,8 @@
 #include "replaying.hpp"
 
 #include <components/communication_node/communication_node.hpp>
-#include <components/storage/database.hpp>
+
+#include <ise/database/database.hpp>
 
 #include <fmt/format.h>
 
@@ -14,7 +15,7 @@ namespace atirma::stress {
 ise::replay_report replay_nodes(const std::string& file, const std::string& out, ise::log_sink log) {
     static int number = 0; // several in one process have disks of their own
     const auto disks = fmt::format("memory:replay{}-", ++number);
-    std::vector<database> held; // they outlive the nodes
+    std::vector<ise::database> held; // they outlive the nodes
     ise::replay_options options;
     options.out = out;
     options.log = std::move(log);
@@ -29,7 +30,7 @@ ise::replay_report replay_nodes(const std::string& file, const std::string& out,
         node.proxies = {{link_id::xbee, "atirma/shore/xbee"},
                         {link_id::gprs, "atirma/shore/gprs"},
                         {link_id::iridium, "atirma/shore/iridium"}};
-        held.push_back(database::open(node.file, {}).value());
+        held.push_back(ise::database::open(node.file, {}).value());
         ise::replayed_component one;
         one.path = fmt::format("atirma/shore/node-{}", which);
         one.make = [node] { return std::make_unique<communication_node>(node); };

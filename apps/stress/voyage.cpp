@@ -32,7 +32,7 @@ std::optional<std::size_t> set_back_by(trouble what) {
     return std::nullopt;
 }
 
-std::set<std::string> texts_on(database& disk, const char* sql) {
+std::set<std::string> texts_on(ise::database& disk, const char* sql) {
     std::set<std::string> made;
     auto rows = disk.query(sql);
     for (const auto& row : rows.value()) made.insert(row.text(0));
@@ -52,7 +52,7 @@ voyage::voyage(voyage_options options) : options_(std::move(options)), world_(op
     static int number = 0; // several in one process have a disk each
     disk_prefix_ = fmt::format("memory:stress{}-", ++number);
     for (const auto* name : {"node-1", "node-2", "iridium", "boat"})
-        disks_.push_back(database::open(disk_prefix_ + name, {}).value());
+        disks_.push_back(ise::database::open(disk_prefix_ + name, {}).value());
     world_.bounds().events_in_one_run = 20'000'000'000;
     for (std::size_t i = 0; i < operators; ++i) {
         told_.people[i].name = i == 0 ? "ana" : "ben";
@@ -187,8 +187,8 @@ void voyage::up(const std::string& path) { places_.at(path).process = &places_.a
 
 void voyage::back_up(std::size_t node) {
     auto name = disk(node).file() + "-backup";
-    if (!backups_.contains(node)) backups_.emplace(node, database::open(name, {}).value());
-    database::copy(disk(node).file(), name).value();
+    if (!backups_.contains(node)) backups_.emplace(node, ise::database::open(name, {}).value());
+    ise::database::copy(disk(node).file(), name).value();
 }
 
 /// As long as the other node has all that is lost by it: what only one disk had is gone with that disk.
@@ -201,7 +201,7 @@ void voyage::set_back(std::size_t node) {
         log_ += fmt::format("node {} keeps its disk: it has packets that the other one does not have yet\n", node + 1);
         return;
     }
-    database::copy(backups_.at(node).file(), here.file()).value();
+    ise::database::copy(backups_.at(node).file(), here.file()).value();
     ++told_.set_back;
 }
 

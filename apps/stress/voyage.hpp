@@ -54,7 +54,7 @@ public:
 
     const voyage_options& options() const noexcept { return options_; }
     const ledger& book() const noexcept { return book_; }
-    database& disk(std::size_t node) { return disks_.at(node); }
+    ise::database& disk(std::size_t node) { return disks_.at(node); }
     std::string_view log() const noexcept { return log_; }
     ise::sim::world& world() noexcept { return world_; }
 
@@ -96,8 +96,8 @@ private:
     std::pmr::string log_{memory_apart()};
     std::array<std::shared_ptr<console::operator_port>, operators> consoles_;
     gprs_numbers numbers_;
-    std::vector<database> disks_;             // held open: they outlive the components
-    std::map<std::size_t, database> backups_; // of the nodes
+    std::vector<ise::database> disks_;             // held open: they outlive the components
+    std::map<std::size_t, ise::database> backups_; // of the nodes
     std::string disk_prefix_;
     std::map<std::string, place> places_;
     std::map<trouble, std::size_t> open_; // episodes that are not over

@@ -21,8 +21,8 @@ ise::result<void> done(const ise::result<std::int64_t>& changed) {
 
 } // namespace
 
-ise::result<boat_memory> boat_memory::open(const std::string& file, when_damaged how) {
-    auto opened = database::open(file, schema, when_damaged::keeping_readable(std::move(how)));
+ise::result<boat_memory> boat_memory::open(const std::string& file, ise::when_damaged how) {
+    auto opened = ise::database::open(file, schema, ise::when_damaged::keeping_readable(std::move(how)));
     if (!opened) return opened.error();
     return boat_memory(std::move(*opened));
 }

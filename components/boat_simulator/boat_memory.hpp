@@ -1,7 +1,8 @@
 #pragma once
 #include <components/boat/receipt.hpp>
 #include <components/boat_simulator/simulated_boat.hpp>
-#include <components/storage/database.hpp>
+
+#include <ise/database/database.hpp>
 
 namespace atirma {
 
@@ -14,7 +15,7 @@ public:
 
     /// "memory:NAME" as `database`. Of a damaged file, the readable part is kept. Errors: io_failed; malformed
     /// (only without `how`); invalid_argument for a file of a newer program.
-    static ise::result<boat_memory> open(const std::string& file, when_damaged how = when_damaged());
+    static ise::result<boat_memory> open(const std::string& file, ise::when_damaged how = ise::when_damaged());
 
     /// The state stored last; empty for a new file. Errors: io_failed, malformed.
     ise::result<std::optional<simulator::remembered_boat>> last();
@@ -36,8 +37,8 @@ public:
     ise::result<void> forget(const std::vector<packet_name>& names);
 
 private:
-    explicit boat_memory(database opened) : disk_(std::move(opened)) {}
-    database disk_;
+    explicit boat_memory(ise::database opened) : disk_(std::move(opened)) {}
+    ise::database disk_;
 };
 
 } // namespace atirma

@@ -12,8 +12,8 @@ constexpr ise::duration remember_period = std::chrono::seconds(10);
 /// damaged one the boat uses the readable part.
 void boat_simulator::open_memory(simulator::boat_options& made) {
     memory_.reset();
-    when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
-    how.begun = [this](database&, const std::string&) { memory_is_new_ = true; };
+    ise::when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
+    how.begun = [this](ise::database&, const std::string&) { memory_is_new_ = true; };
     memory_.emplace(boat_memory::open(options_.memory_file, std::move(how)).value());
     made.resumed = memory_->last().value();
     made.executed = memory_->executed().value();

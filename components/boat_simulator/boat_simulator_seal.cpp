@@ -21,7 +21,7 @@ void boat_simulator::open_seal() {
         services().warn_of(std::move(open));
         return;
     }
-    when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
+    ise::when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
     seal_ = std::move(seal::boat_links::open(env(), options_.radio_key_file, std::move(how)).value());
     log().info("the radio is sealed",
                {{"boat", seal_->keys().now.boat}, {"key", seal::fingerprint(seal_->keys().now)}});

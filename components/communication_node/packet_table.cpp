@@ -30,7 +30,7 @@ void packet_table::damaged(std::uint64_t position) const {
 // Another content under its numbers is another packet, so that a forged one does not take the place of the boat's own.
 packet_table::place packet_table::put(const telemetry_packet& p, std::uint64_t position, std::uint64_t at_peer) {
     auto kind = p.raw.size() > 1 ? std::to_integer<std::int64_t>(p.raw[1]) : 0;
-    database_value there;
+    ise::database_value there;
     if (at_peer != 0) there = cell(at_peer);
     auto fresh = db_->execute(
         "INSERT OR IGNORE INTO packets(position, boot, sequence, measured, link, received, history, kind, raw, "
@@ -67,7 +67,7 @@ void packet_table::forget_at_peer(std::uint64_t after) {
     db_->execute(sql, {bounded_cell(after)}).value();
 }
 
-std::vector<telemetry_packet> packet_table::select(std::string_view sql, database::values bound) {
+std::vector<telemetry_packet> packet_table::select(std::string_view sql, ise::database::values bound) {
     std::vector<telemetry_packet> made;
     auto rows = db_->query(sql, bound).value();
     for (const auto& row : rows) {

@@ -1,6 +1,7 @@
 #pragma once
 #include <components/boat/communication.hpp>
-#include <components/storage/database.hpp>
+
+#include <ise/database/database.hpp>
 
 #include <cstdint>
 #include <optional>
@@ -15,7 +16,7 @@ namespace atirma {
 /// differs from its checksum.
 class packet_table {
 public:
-    explicit packet_table(database& in) : db_(&in) {}
+    explicit packet_table(ise::database& in) : db_(&in) {}
 
     struct place {
         std::uint64_t position = 0;
@@ -39,10 +40,10 @@ public:
     std::int64_t seal();
 
 private:
-    std::vector<telemetry_packet> select(std::string_view sql, database::values bound);
+    std::vector<telemetry_packet> select(std::string_view sql, ise::database::values bound);
     [[noreturn]] void damaged(std::uint64_t position) const;
 
-    database* db_;
+    ise::database* db_;
 };
 
 } // namespace atirma

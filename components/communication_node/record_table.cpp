@@ -19,7 +19,7 @@ const std::string authority_select =
 
 /// Of a row that has JSON first, and then whether it is sound.
 template <class Packet>
-Packet packet_of_json(const database& in, const database_row& row, std::string_view what) {
+Packet packet_of_json(const ise::database& in, const ise::database_row& row, std::string_view what) {
     if (row.integer(1) == 0) throw ise::error(damaged_row(in, what));
     try {
         return ise::from_json<Packet>(row.text(0));
@@ -31,7 +31,7 @@ Packet packet_of_json(const database& in, const database_row& row, std::string_v
 
 } // namespace
 
-std::vector<command_record> record_table::records_in(const std::vector<database_row>& rows) const {
+std::vector<command_record> record_table::records_in(const std::vector<ise::database_row>& rows) const {
     std::vector<command_record> made;
     for (const auto& row : rows) made.push_back(packet_of_json<command_record>(*db_, row, "a telecommand"));
     return made;

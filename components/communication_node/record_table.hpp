@@ -1,6 +1,7 @@
 #pragma once
 #include <components/communication_node/services.hpp>
-#include <components/storage/database.hpp>
+
+#include <ise/database/database.hpp>
 
 #include <cstdint>
 #include <optional>
@@ -13,7 +14,7 @@ namespace atirma {
 /// io_failed; malformed for a row that differs from its checksum, or is not readable.
 class record_table {
 public:
-    explicit record_table(database& in) : db_(&in) {}
+    explicit record_table(ise::database& in) : db_(&in) {}
 
     void put(const command_record& record, std::uint64_t position);
     std::optional<command_record> find(std::uint32_t id);
@@ -27,9 +28,9 @@ public:
     std::pair<authority_state, std::uint64_t> authority(); ///< the newest, and its number within the epoch
 
 private:
-    std::vector<command_record> records_in(const std::vector<database_row>& rows) const;
+    std::vector<command_record> records_in(const std::vector<ise::database_row>& rows) const;
 
-    database* db_;
+    ise::database* db_;
 };
 
 } // namespace atirma

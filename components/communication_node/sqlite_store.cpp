@@ -71,17 +71,17 @@ auto caught(Work work) -> ise::result<decltype(work())> {
 
 /// All that `work` writes is kept, or nothing.
 template <class Work>
-auto together(database& in, Work work) {
+auto together(ise::database& in, Work work) {
     return in.transaction([&] { return caught(work); });
 }
 
-void note(database& in, const char* name, std::uint64_t value) {
+void note(ise::database& in, const char* name, std::uint64_t value) {
     in.execute("INSERT OR REPLACE INTO meta(name, value, sum) VALUES(?1, ?2, row_sum(?1, ?2))",
                {std::string(name), cell(value)})
         .value();
 }
 
-void note_life(database& in, const store_part& life, bool of_peer) {
+void note_life(ise::database& in, const store_part& life, bool of_peer) {
     in.execute("INSERT OR REPLACE INTO lives(number, peer, packets, commands, sum) VALUES(?1, ?2, ?3, ?4, "
                "row_sum(?1, ?2, ?3, ?4))",
                {cell(life.store), std::int64_t{of_peer}, cell(life.packets), cell(life.commands)})
@@ -94,12 +94,12 @@ void note_life(database& in, const store_part& life, bool of_peer) {
 
 } // namespace
 
-sqlite_store::sqlite_store(database opened)
-    : db_(std::make_unique<database>(std::move(opened))), packets_(*db_), records_(*db_) {}
+sqlite_store::sqlite_store(ise::database opened)
+    : db_(std::make_unique<ise::database>(std::move(opened))), packets_(*db_), records_(*db_) {}
 
 ise::result<sqlite_store> sqlite_store::open(const std::string& file, std::uint64_t fresh_number) {
     return caught([&] {
-        sqlite_store store(database::open(file, schema).value());
+        sqlite_store store(ise::database::open(file, schema).value());
         store.load();
         store.begin_life(fresh_number).value();
         return store;
@@ -163,7 +163,7 @@ ise::result<std::string> sqlite_store::set_aside(const ise::failure& cause, std:
                                                  const ise::logger& log) {
     auto file = this->file();
     db_->close();
-    return atirma::set_aside(file, cause, now, log);
+    return ise::set_aside(file, cause, now, log);
 }
 
 ise::result<void> sqlite_store::begin_anew(std::uint64_t fresh_number) {

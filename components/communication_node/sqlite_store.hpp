@@ -93,14 +93,14 @@ public:
     void tend(std::uint64_t keep_packets, std::uint64_t keep_commands, then<std::int64_t> done) override;
 
 private:
-    explicit sqlite_store(database opened);
+    explicit sqlite_store(ise::database opened);
     void load();
     ise::result<void> begin_life(std::uint64_t fresh_number);
     void forget_peer_after(std::uint64_t packets, std::uint64_t commands);
     std::uint64_t known_at_peer(const track_cursor& seen) const;
     std::vector<telemetry_packet> numbered(std::vector<telemetry_packet> packets) const;
 
-    std::unique_ptr<database> db_; // its tables point to it
+    std::unique_ptr<ise::database> db_; // its tables point to it
     packet_table packets_;
     record_table records_;
     std::uint64_t origin_ = 0;

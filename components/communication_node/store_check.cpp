@@ -30,7 +30,7 @@ std::optional<Packet> readable(const std::string& json) {
 } // namespace
 
 ise::result<store_reader> store_reader::open(const std::string& file) {
-    auto opened = database::open_to_read(file);
+    auto opened = ise::database::open_to_read(file);
     if (!opened) return opened.error();
     auto version = opened->query("PRAGMA user_version");
     if (!version) return version.error();
@@ -49,8 +49,8 @@ void store_reader::unreadable(std::string why) {
 }
 
 /// A part that cannot be read is stepped over in strides that double, until something can be read again.
-std::vector<database_row> store_reader::next_rows(std::string_view sql, std::int64_t& after, std::size_t most,
-                                                  std::size_t place) {
+std::vector<ise::database_row> store_reader::next_rows(std::string_view sql, std::int64_t& after, std::size_t most,
+                                                       std::size_t place) {
     std::int64_t stride = 1;
     bool reported = false;
     for (;;) {

@@ -31,11 +31,12 @@ public:
     void check_the_rest();
 
 private:
-    store_reader(database opened, std::uint64_t schema) : db_(std::move(opened)), schema_(schema) {}
-    std::vector<database_row> next_rows(std::string_view sql, std::int64_t& after, std::size_t most, std::size_t place);
+    store_reader(ise::database opened, std::uint64_t schema) : db_(std::move(opened)), schema_(schema) {}
+    std::vector<ise::database_row> next_rows(std::string_view sql, std::int64_t& after, std::size_t most,
+                                             std::size_t place);
     void unreadable(std::string why);
 
-    database db_;
+    ise::database db_;
     std::uint64_t schema_;
     std::int64_t last_packet_ = 0, last_command_ = 0; ///< read, or stepped over
     findings found_;

@@ -1,7 +1,8 @@
 #pragma once
 // Private to this folder: how the rows of a node's store are written, and how they show that the disk changed them.
 #include <components/boat/services.hpp>
-#include <components/storage/database.hpp>
+
+#include <ise/database/database.hpp>
 
 #include <fmt/format.h>
 
@@ -34,14 +35,14 @@ inline std::int64_t bounded_cell(std::uint64_t value) {
     return cell(std::min(value, static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max())));
 }
 inline std::int64_t cell(utc_time at) { return at.time_since_epoch().count(); }
-inline std::uint64_t number_in(const database_row& row, std::size_t column) {
+inline std::uint64_t number_in(const ise::database_row& row, std::size_t column) {
     return static_cast<std::uint64_t>(row.integer(column));
 }
-inline utc_time time_in(const database_row& row, std::size_t column) {
+inline utc_time time_in(const ise::database_row& row, std::size_t column) {
     return utc_time(std::chrono::milliseconds(row.integer(column)));
 }
 
-inline telemetry_packet packet_in(const database_row& row) {
+inline telemetry_packet packet_in(const ise::database_row& row) {
     telemetry_packet made;
     made.position = number_in(row, 0);
     made.boot = static_cast<std::uint16_t>(row.integer(1));
@@ -55,7 +56,7 @@ inline telemetry_packet packet_in(const database_row& row) {
     return made;
 }
 
-inline ise::failure damaged_row(const database& in, std::string_view what) {
+inline ise::failure damaged_row(const ise::database& in, std::string_view what) {
     return ise::failure(ise::errc::malformed,
                         fmt::format("{}: {} is damaged: it differs from its checksum", in.file(), what));
 }

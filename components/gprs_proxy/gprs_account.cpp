@@ -8,8 +8,8 @@ constexpr std::array<std::string_view, 1> account_schema{spending_book::table};
 }
 
 ise::result<gprs_account> gprs_account::open(const std::string& file, std::uint64_t daily, std::uint64_t monthly,
-                                             utc_time now, when_damaged how) {
-    auto opened = database::open(file, account_schema, when_damaged::keeping_readable(std::move(how)));
+                                             utc_time now, ise::when_damaged how) {
+    auto opened = ise::database::open(file, account_schema, ise::when_damaged::keeping_readable(std::move(how)));
     if (!opened) return opened.error();
     gprs_account made(std::move(*opened), daily, monthly);
     if (auto known = made.read(now); !known) return known.error();

@@ -1,7 +1,7 @@
 #pragma once
 #include <components/boat/link_budget.hpp>
 #include <components/gprs_proxy/services.hpp>
-#include <components/storage/spending_book.hpp>
+#include <components/spending/spending_book.hpp>
 
 #include <cstddef>
 #include <string>
@@ -19,7 +19,7 @@ public:
 
     /// Limits in bytes; 0: unlimited. `file` as that of `database`. Errors: io_failed, malformed.
     static ise::result<gprs_account> open(const std::string& file, std::uint64_t daily, std::uint64_t monthly,
-                                          utc_time now, when_damaged how = when_damaged());
+                                          utc_time now, ise::when_damaged how = ise::when_damaged());
 
     void connected() { waiting_.from_boat.credits += connection_bytes; }
     void count(bool to_boat, std::size_t bytes, bool datagram);
@@ -31,12 +31,12 @@ public:
     link_budget budget() const;
 
 private:
-    gprs_account(database file, std::uint64_t daily, std::uint64_t monthly)
+    gprs_account(ise::database file, std::uint64_t daily, std::uint64_t monthly)
         : file_(std::move(file)), daily_(daily), monthly_(monthly) {}
     gprs_spending of(const spending_book::sums& kept) const;
     ise::result<void> read(utc_time now);
 
-    database file_;
+    ise::database file_;
     std::uint64_t daily_, monthly_;
     spending_book::sums today_, month_, waiting_; ///< kept, and not yet
 };

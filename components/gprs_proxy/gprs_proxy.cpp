@@ -90,7 +90,7 @@ ise::task<> gprs_proxy::run() {
                          "--daily-budget and --monthly-budget need --database FILE: what was spent must survive a "
                          "restart of the proxy");
     link_ = std::make_unique<link>(*this, options_);
-    when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
+    ise::when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
     auto file = options_.database.empty() ? "memory:" + path() + "/account" : options_.database;
     link_->account.emplace(
         gprs_account::open(file, options_.daily_budget, options_.monthly_budget, clock(), std::move(how)).value());

@@ -98,8 +98,8 @@ std::unique_ptr<mt_path> iridium_proxy::make_path() {
 ise::task<> iridium_proxy::run() {
     check_options();
     state_.reset();
-    when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
-    how.begun = [this](database&, const std::string&) { keep_what_is_open(); };
+    ise::when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
+    how.begun = [this](ise::database&, const std::string&) { keep_what_is_open(); };
     state_ = std::make_unique<proxy_state>(*this, sbd_store::open(options_.database, std::move(how)).value(),
                                            sbd_policy(), [this] { hand_on(); });
     state_->seal =

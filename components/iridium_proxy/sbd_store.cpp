@@ -33,14 +33,14 @@ constexpr std::array<std::string_view, 4> schema{
 std::int64_t number(utc_time at) { return at.time_since_epoch().count(); }
 utc_time time_of(std::int64_t ms) { return utc_time(std::chrono::milliseconds(ms)); }
 
-database_value optional_real(const std::optional<double>& value) {
-    return value ? database_value(*value) : database_value();
+ise::database_value optional_real(const std::optional<double>& value) {
+    return value ? ise::database_value(*value) : ise::database_value();
 }
 
 } // namespace
 
-ise::result<sbd_store> sbd_store::open(const std::string& file, when_damaged how) {
-    auto opened = database::open(file, schema, when_damaged::keeping_readable(std::move(how)));
+ise::result<sbd_store> sbd_store::open(const std::string& file, ise::when_damaged how) {
+    auto opened = ise::database::open(file, schema, ise::when_damaged::keeping_readable(std::move(how)));
     if (!opened) return opened.error();
     return sbd_store(std::move(*opened));
 }
@@ -140,7 +140,7 @@ ise::result<std::vector<tracked_telecommand>> sbd_store::load() {
 }
 
 ise::result<void> sbd_store::save(const tracked_telecommand& e) {
-    database_value result, value, boat_obeys, executed_at;
+    ise::database_value result, value, boat_obeys, executed_at;
     if (e.result) result = static_cast<std::int64_t>(*e.result);
     if (e.value) value = static_cast<double>(*e.value);
     if (e.boat_obeys) boat_obeys = std::int64_t{*e.boat_obeys};

@@ -3,7 +3,7 @@
 #include <components/boat/telecommand_tracker.hpp>
 #include <components/iridium/message.hpp>
 #include <components/iridium_proxy/services.hpp>
-#include <components/storage/spending_book.hpp>
+#include <components/spending/spending_book.hpp>
 
 namespace atirma {
 
@@ -12,7 +12,7 @@ namespace atirma {
 class sbd_store {
 public:
     /// Of a damaged file, what can still be read is kept.
-    static ise::result<sbd_store> open(const std::string& file, when_damaged how = when_damaged());
+    static ise::result<sbd_store> open(const std::string& file, ise::when_damaged how = ise::when_damaged());
 
     /// Keeps a message before its sender is told that it was taken; true if it is new. It is counted as spent, too.
     ise::result<bool> add(const iridium::mo_message& message, std::string_view path, utc_time now,
@@ -46,12 +46,12 @@ public:
     ise::result<void> forget_before(utc_time then);
 
 private:
-    explicit sbd_store(database db) : db_(std::move(db)) {}
+    explicit sbd_store(ise::database db) : db_(std::move(db)) {}
     ise::result<void> charge(utc_time at, bool to_boat, std::int64_t messages, std::int64_t bytes,
                              std::int64_t credits);
     ise::result<iridium_spending> spent(const std::string& days);
 
-    database db_;
+    ise::database db_;
 };
 
 } // namespace atirma

@@ -1,5 +1,5 @@
 #pragma once
-#include <components/storage/database.hpp>
+#include <ise/database/database.hpp>
 
 #include <ise/core/result.hpp>
 #include <ise/core/time.hpp>
@@ -38,7 +38,7 @@ public:
     };
 
     /// `db` must outlive it. `life`: another number in each life of the process. `remember`: how long.
-    call_journal(atirma::database& db, std::uint64_t life, duration remember)
+    call_journal(database& db, std::uint64_t life, duration remember)
         : db_(&db), life_(static_cast<std::int64_t>(life)), remember_(remember) {}
 
     /// Notes a request on disk. Errors: those of the database; it must not be executed then.
@@ -49,7 +49,7 @@ public:
     result<void> tidy(wall_time now);
 
 private:
-    atirma::database* db_;
+    database* db_;
     std::int64_t life_;
     duration remember_;
     std::set<std::string> running_;

@@ -48,7 +48,7 @@ std::size_t outgoing_queue::size_of(const queued_message& one) noexcept {
     return one.topic.size() + one.payload.size() + overhead;
 }
 
-result<outgoing_queue> outgoing_queue::open(atirma::database& db, queue_limits limits) {
+result<outgoing_queue> outgoing_queue::open(database& db, queue_limits limits) {
     outgoing_queue made(db, limits);
     auto found = db.query("SELECT count(*), coalesce(sum(bytes), 0), coalesce(max(number), 0) FROM queue");
     if (!found) return found.error();

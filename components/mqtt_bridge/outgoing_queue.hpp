@@ -1,5 +1,5 @@
 #pragma once
-#include <components/storage/database.hpp>
+#include <ise/database/database.hpp>
 
 #include <ise/core/result.hpp>
 #include <ise/core/time.hpp>
@@ -36,7 +36,7 @@ class outgoing_queue {
 public:
     /// Opens the queue that an earlier process left in `db`, which was opened with `bridge_schema` and must outlive
     /// it. Errors: those of the database.
-    static result<outgoing_queue> open(atirma::database& db, queue_limits limits = queue_limits());
+    static result<outgoing_queue> open(database& db, queue_limits limits = queue_limits());
 
     struct entry {
         queued_message what;
@@ -70,14 +70,14 @@ public:
 
 private:
     using entries = std::deque<entry>;
-    outgoing_queue(atirma::database& db, queue_limits limits) : db_(&db), limits_(limits) {}
+    outgoing_queue(database& db, queue_limits limits) : db_(&db), limits_(limits) {}
     void refill();
     void put_ready(entry one);
     entries::iterator find(std::uint64_t number) noexcept;
     void drop(std::uint64_t number, std::uint64_t bytes);
     static std::size_t size_of(const queued_message& one) noexcept;
 
-    atirma::database* db_;
+    database* db_;
     queue_limits limits_;
     std::uint64_t last_number_ = 0;
     entries ready_;                        // the oldest
@@ -92,7 +92,7 @@ private:
     std::uint64_t dropped_ = 0;
 };
 
-/// The tables of `outgoing_queue` and `call_journal` (atirma::database::open).
+/// The tables of `outgoing_queue` and `call_journal` (database::open).
 extern const std::span<const std::string_view> bridge_schema;
 
 } // namespace ise::mqtt

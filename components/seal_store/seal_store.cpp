@@ -48,7 +48,7 @@ ise::result<std::optional<radio_key>> read_recovery(ise::environment& env, const
 }
 
 // What the boat has learnt of its keys since its file was made, else what is in the file.
-ise::result<boat_keys> known_keys(database& disk, const radio_keys& of_file) {
+ise::result<boat_keys> known_keys(ise::database& disk, const radio_keys& of_file) {
     boat_keys made;
     made.now = of_file.now;
     made.next = of_file.next;
@@ -66,7 +66,7 @@ ise::result<boat_keys> known_keys(database& disk, const radio_keys& of_file) {
     return made;
 }
 
-ise::result<void> keep_keys(database& disk, const std::string& of, const boat_keys& now) {
+ise::result<void> keep_keys(ise::database& disk, const std::string& of, const boat_keys& now) {
     auto put = disk.execute("INSERT OR REPLACE INTO keys VALUES(?, ?, ?, ?)",
                             {of, format_keys({now.now, now.next, {}}), std::int64_t{now.next_by_recovery},
                              static_cast<std::int64_t>(now.recovered)});
@@ -79,7 +79,7 @@ std::string place(const ise::environment& env, std::string file) {
     return env.is_virtual() ? "memory:" + std::move(file) : std::move(file);
 }
 
-ise::result<std::optional<boat_counters>> kept_of(database& disk, const std::string& of, link_id link) {
+ise::result<std::optional<boat_counters>> kept_of(ise::database& disk, const std::string& of, link_id link) {
     auto rows = disk.query("SELECT lane, session, highest, seen FROM accepted WHERE of = ? AND link = ?",
                            {of, static_cast<std::int64_t>(link)});
     if (!rows) return rows.error();
@@ -98,7 +98,7 @@ ise::result<std::optional<boat_counters>> kept_of(database& disk, const std::str
     return std::optional(made);
 }
 
-ise::failure changed_by_another(const database& disk, std::string_view remedy) {
+ise::failure changed_by_another(const ise::database& disk, std::string_view remedy) {
     return ise::failure(ise::errc::refused,
                         fmt::format("another process uses the counters in {}: {}", disk.file(), remedy));
 }
@@ -106,7 +106,7 @@ ise::failure changed_by_another(const database& disk, std::string_view remedy) {
 // Only on top of what this process knows, or tried to write before: two that have the file open do not both use it.
 class kept_counters {
 public:
-    kept_counters(database& disk, std::string of, link_id link, boat_counters known)
+    kept_counters(ise::database& disk, std::string of, link_id link, boat_counters known)
         : disk_(disk), of_(std::move(of)), link_(static_cast<std::int64_t>(link)), known_(known), tried_(known) {}
 
     ise::result<void> operator()(const boat_counters& now) {
@@ -136,7 +136,7 @@ private:
         return {};
     }
 
-    database& disk_;
+    ise::database& disk_;
     std::string of_;
     std::int64_t link_;
     boat_counters known_, tried_;
@@ -144,7 +144,7 @@ private:
 
 class kept_reservation {
 public:
-    kept_reservation(database& disk, std::string of, shore_counters known)
+    kept_reservation(ise::database& disk, std::string of, shore_counters known)
         : disk_(disk), of_(std::move(of)), known_(known), tried_(known) {}
 
     ise::result<void> operator()(const shore_counters& now) {
@@ -163,7 +163,7 @@ public:
     }
 
 private:
-    database& disk_;
+    ise::database& disk_;
     std::string of_;
     shore_counters known_, tried_;
 };
@@ -171,14 +171,14 @@ private:
 } // namespace
 
 ise::result<std::unique_ptr<boat_links>> boat_links::open(ise::environment& env, const std::string& key_file,
-                                                          when_damaged how) {
+                                                          ise::when_damaged how) {
     auto of_file = read_keys(env, key_file);
     if (!of_file) return of_file.error();
     auto recovery = read_recovery(env, key_file, of_file->now.boat);
     if (!recovery) return recovery.error();
-    auto key_disk = database::open(place(env, key_file + ".keys.db"), keys_schema, how);
+    auto key_disk = ise::database::open(place(env, key_file + ".keys.db"), keys_schema, how);
     if (!key_disk) return key_disk.error();
-    auto disk = database::open(place(env, key_file + ".boat.db"), boat_schema, std::move(how));
+    auto disk = ise::database::open(place(env, key_file + ".boat.db"), boat_schema, std::move(how));
     if (!disk) return disk.error();
     std::unique_ptr<boat_links> made(new boat_links(std::move(*disk), std::move(*key_disk)));
     auto keys = known_keys(made->key_disk_, *of_file);
@@ -216,12 +216,12 @@ ise::bytes boat_links::take_notice(link_id link, ise::time_point now, ise::durat
 }
 
 ise::result<std::unique_ptr<shore_link>> shore_link::open(ise::environment& env, const std::string& key_file,
-                                                          link_id link, bool secondary, when_damaged how) {
+                                                          link_id link, bool secondary, ise::when_damaged how) {
     auto keys = read_keys(env, key_file);
     if (!keys) return keys.error();
-    auto disk =
-        database::open(place(env, fmt::format("{}.{}{}.db", key_file, name_of(link), secondary ? ".secondary" : "")),
-                       shore_schema, std::move(how));
+    auto disk = ise::database::open(
+        place(env, fmt::format("{}.{}{}.db", key_file, name_of(link), secondary ? ".secondary" : "")), shore_schema,
+        std::move(how));
     if (!disk) return disk.error();
     std::unique_ptr<shore_link> made(new shore_link(env, std::move(*disk)));
     bool known = false; // whether the link was used with that key
@@ -283,8 +283,8 @@ std::unique_ptr<shore_link> shore_link::open_for(ise::component& proxy, const st
         proxy.services().warn_of(std::move(open));
         return nullptr;
     }
-    when_damaged damaged(proxy.log(),
-                         [&proxy] { return std::chrono::floor<std::chrono::system_clock::duration>(proxy.wall()); });
+    ise::when_damaged damaged(
+        proxy.log(), [&proxy] { return std::chrono::floor<std::chrono::system_clock::duration>(proxy.wall()); });
     auto made = std::move(open(proxy.env(), key_file, link, secondary, std::move(damaged)).value());
     proxy.log().info("the radio is sealed", {{"boat", made->key().boat}, {"key", fingerprint(made->key())}});
     return made;

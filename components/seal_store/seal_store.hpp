@@ -3,11 +3,11 @@
 #include <components/boat/link_seal.hpp>
 #include <components/seal/boat_ring.hpp>
 #include <components/seal/shore_ring.hpp>
-#include <components/storage/database.hpp>
 
 #include <ise/component/component.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/time.hpp>
+#include <ise/database/database.hpp>
 
 #include <array>
 #include <memory>
@@ -31,7 +31,7 @@ public:
     /// then each link begins a session of its own, and refuses what was sealed before. Errors: io_failed, refused,
     /// malformed.
     static ise::result<std::unique_ptr<boat_links>> open(ise::environment& env, const std::string& key_file,
-                                                         when_damaged how = when_damaged());
+                                                         ise::when_damaged how = ise::when_damaged());
 
     /// See boat_ring.
     ise::result<ise::bytes> open(link_id link, ise::bytes_view raw) {
@@ -48,9 +48,9 @@ public:
     const boat_keys& keys() const { return ring_->keys(); }
 
 private:
-    boat_links(database disk, database key_disk) : disk_(std::move(disk)), key_disk_(std::move(key_disk)) {}
+    boat_links(ise::database disk, ise::database key_disk) : disk_(std::move(disk)), key_disk_(std::move(key_disk)) {}
 
-    database disk_, key_disk_;
+    ise::database disk_, key_disk_;
     std::optional<boat_ring> ring_;
     std::array<std::optional<ise::time_point>, link_count> told_at_{};
 };
@@ -62,7 +62,7 @@ public:
     /// Errors: io_failed, refused, malformed.
     static ise::result<std::unique_ptr<shore_link>> open(ise::environment& env, const std::string& key_file,
                                                          link_id link, bool secondary,
-                                                         when_damaged how = when_damaged());
+                                                         ise::when_damaged how = ise::when_damaged());
     /// For a proxy, whose log says whether its link is sealed. Without a key file null: everybody on the link is
     /// believed. Throws ise::error, as `open`. On the component's loop.
     static std::unique_ptr<shore_link> open_for(ise::component& proxy, const std::string& key_file, link_id link,
@@ -79,11 +79,11 @@ public:
     static link_seal report(const std::unique_ptr<shore_link>& of);
 
 private:
-    shore_link(ise::environment& env, database disk) : env_(env), disk_(std::move(disk)) {}
+    shore_link(ise::environment& env, ise::database disk) : env_(env), disk_(std::move(disk)) {}
 
     ise::environment& env_;
 
-    database disk_;
+    ise::database disk_;
     std::optional<shore_ring> ring_;
     std::optional<utc_time> verified_at_;
     std::uint64_t refused_ = 0;

@@ -11,7 +11,7 @@ constexpr std::int64_t slice = 1000; // rows that go at once: nobody waits for l
 
 } // namespace
 
-ise::result<void> archive_retention::remove(std::uint64_t& rows, std::string_view sql, database::values bound) {
+ise::result<void> archive_retention::remove(std::uint64_t& rows, std::string_view sql, ise::database::values bound) {
     auto done = db.execute(sql, bound);
     if (!done) return done.error();
     auto gone = static_cast<std::uint64_t>(*done);

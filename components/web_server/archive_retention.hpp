@@ -1,8 +1,9 @@
 #pragma once
 #include <components/boat/telemetry.hpp>
-#include <components/storage/database.hpp>
 #include <components/web_server/archive_options.hpp>
 #include <components/web_server/track_updates.hpp>
+
+#include <ise/database/database.hpp>
 
 #include <array>
 #include <string_view>
@@ -22,7 +23,7 @@ inline constexpr std::int64_t newest_of_a_kind = 64;
 /// Takes out of an archive what is too old or too much, a slice at a time.
 struct archive_retention {
     const archive_options& options;
-    database& db;
+    ise::database& db;
     archive_statistics& statistics;
 
     /// Errors: io_failed.
@@ -33,7 +34,7 @@ private:
     ise::result<void> drop_telemetry(const std::string& boat, utc_ms before);
     ise::result<void> drop_surplus(std::string_view table);
     /// Runs a statement that deletes, and counts.
-    ise::result<void> remove(std::uint64_t& rows, std::string_view sql, database::values bound);
+    ise::result<void> remove(std::uint64_t& rows, std::string_view sql, ise::database::values bound);
 };
 
 } // namespace atirma

@@ -13,12 +13,14 @@ namespace {
 constexpr std::chrono::seconds tidying_period{5};
 
 utc_ms time_of(std::int64_t number) { return utc_ms(std::chrono::milliseconds(number)); }
-database_value maybe(const std::optional<double>& value) { return value ? database_value(*value) : database_value(); }
-std::optional<double> maybe(const database_row& row, std::size_t column) {
+ise::database_value maybe(const std::optional<double>& value) {
+    return value ? ise::database_value(*value) : ise::database_value();
+}
+std::optional<double> maybe(const ise::database_row& row, std::size_t column) {
     return row.is_null(column) ? std::nullopt : std::optional(row.real(column));
 }
 
-telemetry_packet packet_of(const database_row& row) {
+telemetry_packet packet_of(const ise::database_row& row) {
     telemetry_packet made;
     made.boot = static_cast<std::uint16_t>(row.integer(0));
     made.sequence = static_cast<std::uint32_t>(row.integer(1));
@@ -45,15 +47,15 @@ struct track_archive::implementation {
     };
 
     ise::result<void> write();
-    database& db() { return *opened; }
+    ise::database& db() { return *opened; }
     ise::result<void> count();
-    ise::result<void> enter(database& into, const std::string& boat, const std::string& name);
-    void begin_anew(database& fresh);
+    ise::result<void> enter(ise::database& into, const std::string& boat, const std::string& name);
+    void begin_anew(ise::database& fresh);
     void bound_what_waits();
     std::size_t waiting() const { return fixes.size() + packets.size(); }
 
     archive_options options;
-    std::optional<database> opened;
+    std::optional<ise::database> opened;
     std::deque<fix_row> fixes;
     std::deque<packet_row> packets;
     std::map<std::pair<std::string, std::string>, utc_ms> heard;
@@ -68,10 +70,10 @@ track_archive::track_archive(std::unique_ptr<implementation> opened) : self_(std
 track_archive::~track_archive() = default;
 const archive_statistics& track_archive::statistics() const noexcept { return self_->statistics; }
 
-ise::result<std::unique_ptr<track_archive>> track_archive::open(const archive_options& options, when_damaged how) {
+ise::result<std::unique_ptr<track_archive>> track_archive::open(const archive_options& options, ise::when_damaged how) {
     auto made = std::make_unique<implementation>(options);
-    how.begun = [&self = *made](database& fresh, const std::string&) { self.begin_anew(fresh); };
-    auto db = database::open(options.file, archive_schema, std::move(how));
+    how.begun = [&self = *made](ise::database& fresh, const std::string&) { self.begin_anew(fresh); };
+    auto db = ise::database::open(options.file, archive_schema, std::move(how));
     if (!db) return db.error();
     made->opened.emplace(std::move(*db));
     if (auto counted = made->count(); !counted) return counted.error();
@@ -87,7 +89,7 @@ ise::result<void> track_archive::implementation::count() {
 }
 
 /// Everything else refers to the boats. One that cannot be entered shows with the next commit.
-void track_archive::implementation::begin_anew(database& fresh) {
+void track_archive::implementation::begin_anew(ise::database& fresh) {
     ++statistics.begun_anew;
     statistics.fixes = statistics.packets = 0;
     cursors.clear();
@@ -101,7 +103,7 @@ ise::result<void> track_archive::enter(const std::string& boat, const std::strin
     return self_->enter(self_->db(), boat, name);
 }
 
-ise::result<void> track_archive::implementation::enter(database& into, const std::string& boat,
+ise::result<void> track_archive::implementation::enter(ise::database& into, const std::string& boat,
                                                        const std::string& name) {
     auto done = into.execute(
         "INSERT INTO boat (id, name) VALUES (?, ?) ON CONFLICT (id) DO UPDATE SET name = excluded.name", {boat, name});

@@ -1,10 +1,10 @@
 #pragma once
 #include <components/boat/communication.hpp>
-#include <components/storage/database.hpp>
 #include <components/web_server/archive_options.hpp>
 #include <components/web_server/track_line.hpp>
 
 #include <ise/core/result.hpp>
+#include <ise/database/database.hpp>
 
 #include <cstdint>
 #include <functional>
@@ -35,7 +35,7 @@ public:
     /// Errors: io_failed (with the file and SQLite's words), malformed (damaged, only without `how`), invalid_argument
     /// (written by a newer program).
     static ise::result<std::unique_ptr<track_archive>> open(const archive_options& options,
-                                                            when_damaged how = when_damaged());
+                                                            ise::when_damaged how = ise::when_damaged());
     ~track_archive();
 
     /// Once for each boat before anything else of it.

@@ -98,7 +98,8 @@ ise::task<> web_server::run() {
     archive_.reset();
     archives_filled_ = 0;
     if (!options_.archive.file.empty()) {
-        when_damaged how(log(), [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
+        ise::when_damaged how(log(),
+                              [this] { return std::chrono::floor<std::chrono::system_clock::duration>(wall()); });
         auto opened = track_archive::open(options_.archive, std::move(how));
         if (!opened) throw ise::error(opened.error());
         archive_ = std::move(*opened);

@@ -1,6 +1,7 @@
 #include <ise/bag/player.hpp>
 
 #include <ise/component/component.hpp>
+#include <ise/component/introspection.hpp>
 #include <ise/component/names_watch.hpp>
 #include <ise/component/provide_dynamic.hpp>
 #include <ise/core/environment.hpp>
@@ -27,6 +28,7 @@ namespace {
 
 constexpr duration presence_check = std::chrono::milliseconds(5);
 constexpr duration subscribe_again = std::chrono::milliseconds(5);
+constexpr duration call_preparation = std::chrono::seconds(30);
 
 // A call of the recording.
 struct known_call {
@@ -266,13 +268,22 @@ task<> make_call(component& self, std::shared_ptr<Shared> of, known_call what) {
     of->differs(std::move(made));
 }
 
+// Connects, so that the first call does not come later by that.
+task<> meet(remote who) {
+    describe_request question;
+    co_await who.try_call(describe_service, question, call_preparation);
+}
+
 // Makes the recorded calls of one component to the tested ones.
 template <class Shared>
 task<> make_calls(component& self, std::shared_ptr<Shared> of, std::string caller) {
     auto found = of->calls.find(caller);
     if (found == of->calls.end()) co_return;
+    std::map<std::string, remote> met; // held, with their sessions
     for (const auto& one : found->second) {
         if (one.at < of->recorded_now()) continue; // before it came
+        auto [who, fresh] = met.try_emplace(one.of->component(), self.at(of->renamed(one.of->component())));
+        if (fresh) self.spawn("meet " + one.of->component(), meet(who->second));
         co_await self.sleep_till(of->to_be_sent(one.at));
         self.spawn("call", make_call(self, of, one));
     }

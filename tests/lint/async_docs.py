@@ -17,7 +17,7 @@ from pathlib import Path
 
 from cpp_tokens import files_below, read
 
-NOT_INSTALLED = ("ise/deployment/", "ise/instantiation/")
+NOT_INSTALLED = ("ise/database/", "ise/deployment/", "ise/instantiation/")
 NUMBERS = {"int", "unsigned", "long", "short", "float", "double", "size_t", "ssize_t", "int32_t", "uint8_t", "uint16_t", "uint32_t", "uint64_t", "int64_t"}
 WITH_UNIT = re.compile(r"(_(s|ms|us|ns|m|mps|hz|deg|rad|bytes|pct|percent)|count|port|number|id|bytes)$")
 BORROWED = {"string_view", "bytes_view", "span"}

@@ -9,9 +9,9 @@ from pathlib import Path, PurePosixPath
 
 from cpp_tokens import files_below, read
 
-RANK = {"core": 0, "access": 1, "packet": 1, "wire": 2, "transport": 3, "net": 4, "http": 5, "session": 5, "call": 6, "subscription": 6, "service": 7, "naming": 8, "component": 9, "name_server": 10, "instantiation": 10, "deployment": 11, "bag": 11, "replay": 12}
+RANK = {"core": 0, "access": 1, "database": 1, "packet": 1, "wire": 2, "transport": 3, "net": 4, "http": 5, "session": 5, "call": 6, "subscription": 6, "service": 7, "naming": 8, "component": 9, "name_server": 10, "instantiation": 10, "deployment": 11, "bag": 11, "replay": 12}
 SIM_MAY = {"core", "net", "sim"}
-SHARED_COMPONENTS = {"boat", "byte_stream", "coast", "foxglove_gateway", "gprs", "iridium", "iridium_mail", "mail", "seal", "postgres", "seal_store", "storage", "xbee"}  # what other components may include
+SHARED_COMPONENTS = {"boat", "byte_stream", "coast", "foxglove_gateway", "gprs", "iridium", "iridium_mail", "mail", "seal", "postgres", "seal_store", "spending", "xbee"}  # what other components may include
 FOREIGN = ("nlohmann", "spdlog", "CLI", "boost", "curl", "sqlite3.h", "openssl", "toml++", "http_parser.h", "catch2")
 
 

@@ -1,5 +1,5 @@
 #pragma once
-#include <components/storage/database.hpp>
+#include <ise/database/database.hpp>
 
 #include <cstddef>
 #include <filesystem>

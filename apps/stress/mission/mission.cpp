@@ -160,18 +160,18 @@ bool mission::work() {
 void mission::judge() {
     std::array<std::set<packet_key>, 2> disks;
     for (std::size_t i = 0; i < disks.size(); ++i) {
-        auto disk = database::open_to_read(options_.stores.at(i));
+        auto disk = ise::database::open_to_read(options_.stores.at(i));
         disks[i] = keys_on(disk.value());
     }
     judged_ = disks[0];
-    auto memory = database::open_to_read(options_.boat_memory);
+    auto memory = ise::database::open_to_read(options_.boat_memory);
     proof_ = book_.judge(disks, told_.plan.length, keys_at_boat(memory.value()));
 }
 
 account mission::story() {
     auto made = told_;
     for (std::size_t i = 0; i < operators; ++i) made.consoles.push_back(view_of(told_.people[i].name, *consoles_[i]));
-    auto disk = database::open_to_read(options_.stores.at(0));
+    auto disk = ise::database::open_to_read(options_.stores.at(0));
     made.sessions = book_.sessions();
     made.packets = packets_on(disk.value());
     made.recorded = commands_on(disk.value());

@@ -131,8 +131,8 @@ void shore::start_proxy(link_id link) {
 void shore::start_node(const std::string& name) {
     auto& disk = disks_[name];
     if (!disk && folder_.empty()) {
-        auto opened = database::open(disk_of(name), {});
-        disk = std::make_unique<database>(std::move(opened.value()));
+        auto opened = ise::database::open(disk_of(name), {});
+        disk = std::make_unique<ise::database>(std::move(opened.value()));
     }
     auto host = name.substr(name.find('/') + 1);
     processes_[name] = &names.start(host, host, [this, name](ise::node& node) {
@@ -158,7 +158,7 @@ std::string shore::disk_of(const std::string& name) const {
 
 std::set<packet_key> shore::on_disk(const std::string& name) {
     std::set<packet_key> made;
-    auto disk = database::open_to_read(disk_of(name)).value();
+    auto disk = ise::database::open_to_read(disk_of(name)).value();
     auto rows = disk.query("SELECT boot, sequence FROM packets");
     for (const auto& row : rows.value())
         made.emplace(static_cast<std::uint16_t>(row.integer(0)), static_cast<std::uint32_t>(row.integer(1)));
@@ -167,15 +167,15 @@ std::set<packet_key> shore::on_disk(const std::string& name) {
 
 void shore::back_up(const std::string& name) {
     auto& kept = backups_[name];
-    if (!kept) kept = std::make_unique<database>(database::open(disk_of(name) + "-backup", {}).value());
-    database::copy(disk_of(name), kept->file()).value();
+    if (!kept) kept = std::make_unique<ise::database>(ise::database::open(disk_of(name) + "-backup", {}).value());
+    ise::database::copy(disk_of(name), kept->file()).value();
 }
 
-void shore::restore(const std::string& name) { database::copy(backups_.at(name)->file(), disk_of(name)).value(); }
+void shore::restore(const std::string& name) { ise::database::copy(backups_.at(name)->file(), disk_of(name)).value(); }
 
 std::set<std::string> shore::rows_on(const std::string& name, const std::string& sql) {
     std::set<std::string> made;
-    auto disk = database::open_to_read(disk_of(name)).value();
+    auto disk = ise::database::open_to_read(disk_of(name)).value();
     auto rows = disk.query(sql);
     for (const auto& row : rows.value()) made.insert(row.text(0));
     return made;

@@ -6,7 +6,8 @@
 #include <components/boat/telemetry_follower.hpp>
 #include <components/boat_simulator/simulated_boat.hpp>
 #include <components/communication_node/communication_node.hpp>
-#include <components/storage/database.hpp>
+
+#include <ise/database/database.hpp>
 
 #include <unit/name_server/system.hpp>
 
@@ -157,8 +158,8 @@ private:
     std::set<std::string> rows_on(const std::string& name, const std::string& sql);
 
     std::string prefix_, folder_;
-    std::map<std::string, std::unique_ptr<database>> disks_; // held, as the nodes come and go
-    std::map<std::string, std::unique_ptr<database>> backups_;
+    std::map<std::string, std::unique_ptr<ise::database>> disks_; // held, as the nodes come and go
+    std::map<std::string, std::unique_ptr<ise::database>> backups_;
     std::map<std::string, communication_node*> nodes_;
     std::map<std::string, ise::node*> running_;
     std::map<std::string, ise::sim::process*> processes_;

@@ -49,7 +49,7 @@ struct disks : shore {
         for (const auto* part : {"", "-wal", "-shm"}) std::filesystem::remove(disk_of(name) + part);
         std::filesystem::copy_file(disk_of(name) + ".kept", disk_of(name));
     }
-    void keep_a_copy(const std::string& name) { database::copy(disk_of(name), disk_of(name) + ".kept").value(); }
+    void keep_a_copy(const std::string& name) { ise::database::copy(disk_of(name), disk_of(name) + ".kept").value(); }
     void change(const std::string& name, const std::string& sql) {
         sqlite3* raw = nullptr;
         REQUIRE(sqlite3_open(disk_of(name).c_str(), &raw) == SQLITE_OK);

@@ -346,7 +346,7 @@ TEST_CASE("communication: a page that is restarted shows the track that it misse
 TEST_CASE("communication: a page with an archive shows its track at once after a crash, and asks only for what came "
           "meanwhile") {
     usual it;
-    auto disk = database::open("memory:page-archive", {}).value(); // outlives the page
+    auto disk = ise::database::open("memory:page-archive", {}).value(); // outlives the page
     web_server* page = nullptr;
     auto start = [&](ise::node& node) {
         web_server_options options;

@@ -5,7 +5,8 @@
 #include <components/communication_node/communication_node.hpp>
 #include <components/gprs_proxy/gprs_gateway.hpp>
 #include <components/gprs_proxy/gprs_proxy.hpp>
-#include <components/storage/database.hpp>
+
+#include <ise/database/database.hpp>
 
 #include <unit/name_server/system.hpp>
 
@@ -26,7 +27,7 @@ public:
         prefix_ = fmt::format("memory:fleet{}-", ++made);
         for (std::size_t number = 1; number <= boats; ++number) {
             names_of_boats.push_back(boat_name(number));
-            disks_.push_back(std::make_unique<database>(std::move(database::open(disk(number), {}).value())));
+            disks_.push_back(std::make_unique<ise::database>(std::move(ise::database::open(disk(number), {}).value())));
         }
         names.start("shore", "shore", [this](ise::node& node) {
             gprs_gateway_options options;
@@ -127,7 +128,7 @@ private:
     }
 
     std::string prefix_;
-    std::vector<std::unique_ptr<database>> disks_; // held, as the nodes come and go
+    std::vector<std::unique_ptr<ise::database>> disks_; // held, as the nodes come and go
     int asked_ = 0;
 };
 

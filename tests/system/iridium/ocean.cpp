@@ -28,7 +28,7 @@ ise::component_options ocean::listening(std::uint16_t port) {
 ocean::ocean(std::uint64_t seed) : world(seed) {
     static int number = 0;
     auto disk = "memory:ocean" + std::to_string(++number);
-    disk_ = atirma::database::open(disk, {}).value(); // holds it over the proxy's lives
+    disk_ = ise::database::open(disk, {}).value(); // holds it over the proxy's lives
     mails.options.later = [this](ise::duration after, std::function<void()> action) {
         world.after(after, std::move(action));
     };

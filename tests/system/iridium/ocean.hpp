@@ -6,9 +6,9 @@
 #include <components/iridium_proxy/iridium_proxy.hpp>
 #include <components/iridium_proxy/services.hpp>
 #include <components/mail/memory_mail.hpp>
-#include <components/storage/database.hpp>
 
 #include <ise/component/node.hpp>
+#include <ise/database/database.hpp>
 #include <ise/sim/world.hpp>
 
 #include <support/damaged_file.hpp>
@@ -46,7 +46,7 @@ public:
 
     ise::sim::process& proxy_process() { return *proxy_; }
     const atirma::simulator::simulated_boat& boat() const { return *boat_component_->boat(); }
-    atirma::database& disk() { return *disk_; }
+    ise::database& disk() { return *disk_; }
 
     /// Runs a coroutine as a component of its own on the host "console".
     void user(std::function<ise::task<>(ise::component&)> body);
@@ -76,7 +76,7 @@ private:
     static ise::node_options quiet();
     static ise::component_options listening(std::uint16_t port);
 
-    std::optional<atirma::database> disk_;
+    std::optional<ise::database> disk_;
     ise::sim::process* proxy_ = nullptr;
     atirma::boat_simulator* boat_component_ = nullptr;
     std::vector<std::unique_ptr<watched>> watched_;

@@ -524,7 +524,7 @@ TEST_CASE("iridium: a proxy whose file is no database sets it aside, says so, an
     auto aside = disk.set_aside();
     REQUIRE(aside.size() == 1);
     CHECK_THAT(it.log.errors, Catch::Contains(aside.front()));
-    auto kept = database::open_to_read(disk.file()).value().query("SELECT count(*) FROM mo").value();
+    auto kept = ise::database::open_to_read(disk.file()).value().query("SELECT count(*) FROM mo").value();
     CHECK(kept.at(0).integer(0) == 1);
 }
 
@@ -554,6 +554,6 @@ TEST_CASE("iridium: a proxy whose file has a damaged page keeps all that can sti
     CHECK_THAT(it.log.errors, Catch::Contains(disk.set_aside().front()));
     // What was spent.
     CHECK(it.world.run_until([&] { return seen.account && seen.account->ever.mo_messages > 100; }, 2min));
-    auto db = database::open_to_read(disk.file()).value();
+    auto db = ise::database::open_to_read(disk.file()).value();
     CHECK(db.query("SELECT count(*) FROM mo WHERE substr(data, 1, 1) = x'cd'").value().at(0).integer(0) > 10);
 }

@@ -41,7 +41,7 @@ struct sea {
         world.run_for(1s);
     }
     simulator::remembered_boat remembered() {
-        auto db = database::open_to_read(disk.file()).value();
+        auto db = ise::database::open_to_read(disk.file()).value();
         return ise::try_decode<simulator::remembered_boat>(db.query("SELECT state FROM boat").value().at(0).bytes(0))
             .value();
     }

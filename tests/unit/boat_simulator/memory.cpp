@@ -74,7 +74,7 @@ TEST_CASE("a boat that lost its power goes on where it was, in its next boot, wi
 }
 
 TEST_CASE("a forged epoch is not kept over the loss of power, and the boat obeys the operators ashore afterwards") {
-    auto keeper = database::open("memory:boat-epoch", {}).value(); // the file, over the boat's lives
+    auto keeper = ise::database::open("memory:boat-epoch", {}).value(); // the file, over the boat's lives
     {
         auto boat = sailed_for(10s, on_t1());
         auto ping = command(1, commands::ping());
@@ -95,7 +95,7 @@ TEST_CASE("a forged epoch is not kept over the loss of power, and the boat obeys
 }
 
 TEST_CASE("a boat's memory gives back what was put there, and the packets without acknowledgement under new numbers") {
-    auto keeper = database::open("memory:boat-memory", {}).value(); // the file, over the boat's lives
+    auto keeper = ise::database::open("memory:boat-memory", {}).value(); // the file, over the boat's lives
     auto boat = sailed_for(60s, on_t1());
     auto ack = boat.execute(command(5, commands::ping()));
     std::vector<ise::bytes> packets = boat.take_packets(link_id::xbee);
@@ -135,7 +135,7 @@ TEST_CASE("a boat's memory from before there were receipts is read, and has room
     auto boat = sailed_for(60s, on_t1());
     auto packets = boat.take_packets(link_id::xbee);
     REQUIRE(packets.size() > 1);
-    auto old = database::open("memory:boat-memory-before", before).value();
+    auto old = ise::database::open("memory:boat-memory-before", before).value();
     old.execute("INSERT INTO boat(one, state) VALUES(1, ?)", {ise::encode(boat.remember())}).value();
     old.execute("INSERT INTO unacknowledged(number, raw) VALUES(7, ?)", {packets[0]}).value();
     auto memory = boat_memory::open("memory:boat-memory-before").value();

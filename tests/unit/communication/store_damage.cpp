@@ -37,7 +37,7 @@ void make_old(const std::string& file) {
         " asked_by TEXT NOT NULL, changed INTEGER NOT NULL, record TEXT NOT NULL);"
         "CREATE INDEX commands_by_change ON commands(position);"
         "CREATE TABLE authority(epoch INTEGER PRIMARY KEY, change INTEGER NOT NULL, state TEXT NOT NULL)"};
-    auto old = database::open(file, schema);
+    auto old = ise::database::open(file, schema);
     REQUIRE(old);
     REQUIRE(old->execute("INSERT INTO meta VALUES('store', 4711), ('head', 3), ('commands_head', 1), ('peer', 9), "
                          "('peer_packets', 5), ('peer_commands', 0)"));
@@ -203,7 +203,7 @@ TEST_CASE("node store: of a file with a broken page everything else is read") {
     {
         std::fstream disk(there.file(), std::ios::in | std::ios::out | std::ios::binary);
         auto leaf =
-            database::open_to_read(there.file())
+            ise::database::open_to_read(there.file())
                 ->query("SELECT pageno FROM dbstat WHERE name = 'packets' AND pagetype = 'leaf' LIMIT 1 OFFSET 20");
         auto page = leaf ? leaf->at(0).integer(0) : static_cast<std::int64_t>(pages / 2);
         disk.seekp((page - 1) * 4096);

@@ -42,7 +42,7 @@ TEST_CASE("node store: a store that went back gets everything again and sends ev
         a.add(packets(1, 3)).value();
         CHECK(pull(b, a) == 3);
         CHECK(pull(a, b) == 0);
-        REQUIRE(database::copy(there.file(), there.backup()));
+        REQUIRE(ise::database::copy(there.file(), there.backup()));
         a.add(packets(4, 8)).value();
         auto one = record(4);
         REQUIRE(a.put(std::span(&one, 1)));

@@ -1,5 +1,5 @@
 // The messages of the Foxglove protocol, and what waits for a viewer.
-#include <components/foxglove_gateway/foxglove_gateway.hpp>
+#include <components/foxglove_gateway/origins.hpp>
 #include <components/foxglove_gateway/protocol.hpp>
 #include <components/foxglove_gateway/viewer.hpp>
 #include <ise/http/web_socket_frames.hpp>

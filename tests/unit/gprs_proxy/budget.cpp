@@ -1,7 +1,7 @@
 // Charges of the boat's mobile contract, and its behaviour when the budget is spent.
 #include "quay.hpp"
 
-#include <components/storage/database.hpp>
+#include <ise/database/database.hpp>
 
 #include <support/catch.hpp>
 
@@ -18,10 +18,10 @@ struct paid_quay : quay {
     explicit paid_quay(const std::string& protocol = "tcp", std::uint32_t fixes = 5) : quay(protocol, fixes) {
         static int number = 0;
         options.database = "memory:paid" + std::to_string(++number);
-        disk.emplace(database::open(options.database, {}).value());
+        disk.emplace(ise::database::open(options.database, {}).value());
         world.wall_start += 14h; // 22:00
     }
-    std::optional<database> disk;
+    std::optional<ise::database> disk;
 
     telecommand_reply tell(std::uint32_t id, boat_command what) {
         std::optional<ise::result<telecommand_reply>> answer;

@@ -1,7 +1,7 @@
 // The bridge on the virtual world: a broker that goes away for minutes, forgets, is cut off in between, and refuses.
 #include <components/mqtt_bridge/mqtt_bridge.hpp>
 
-#include <components/storage/database.hpp>
+#include <ise/database/database.hpp>
 
 #include <support/catch.hpp>
 #include <unit/name_server/system.hpp>
@@ -115,7 +115,7 @@ struct coast {
         options.connect = connector_to(broker);
         options.queued = std::move(queued);
         options.store = "memory:mqtt-coast-" + std::to_string(seed);
-        disk.emplace(atirma::database::open(options.store, bridge_schema).value());
+        disk.emplace(ise::database::open(options.store, bridge_schema).value());
         bridge = &in.start("shore", "bridge",
                            [this](ise::node& node) { node.start<mqtt_bridge>("ise/mqtt", everywhere(), options); });
         in.start_doubler("boat", "atirma/boat");
@@ -132,7 +132,7 @@ struct coast {
 
     bridge_options options;
     std::shared_ptr<model_broker> broker = std::make_shared<model_broker>();
-    std::optional<atirma::database> disk; // outlives a bridge that is killed
+    std::optional<ise::database> disk; // outlives a bridge that is killed
     names_test::system in;
     ise::sim::process* bridge = nullptr;
 };

@@ -14,7 +14,7 @@ namespace {
 
 using namespace ise::mqtt;
 using namespace std::chrono_literals;
-using atirma::database;
+using ise::database;
 
 const ise::wall_time noon{std::chrono::hours(24 * 365 * 50)};
 const ise::time_point later = ise::time_point::max();
@@ -177,8 +177,8 @@ TEST_CASE("queue: what can be read of a damaged file is sent, and the queue goes
         raw << std::string(8192, '\xee');
     }
     auto clock = [] { return std::chrono::system_clock::time_point(1h); };
-    atirma::when_damaged damaged(ise::logger(), clock);
-    auto db = database::open(file, bridge_schema, atirma::when_damaged::keeping_readable(std::move(damaged))).value();
+    ise::when_damaged damaged(ise::logger(), clock);
+    auto db = database::open(file, bridge_schema, ise::when_damaged::keeping_readable(std::move(damaged))).value();
     auto queue = outgoing_queue::open(db).value();
     std::vector<int> sent;
     while (const auto* one = queue.next()) {

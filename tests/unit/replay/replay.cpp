@@ -6,6 +6,7 @@
 #include <support/catch.hpp>
 #include <unit/name_server/system.hpp>
 
+#include <algorithm>
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
@@ -82,7 +83,8 @@ private:
 };
 
 /// The boat that is followed, the pilot, somebody who asks for sums, and a recorder; one may be away for a while.
-void record_voyage(const std::string& file, fault what = fault::none, restarted who = restarted::nobody) {
+void record_voyage(const std::string& file, fault what = fault::none, restarted who = restarted::nobody,
+                   duration detour = duration()) {
     names_test::system in;
     node* recording = nullptr;
     auto begin = [&](const std::string& host, std::function<void(node&)> run) -> sim::process& {
@@ -121,6 +123,8 @@ void record_voyage(const std::string& file, fault what = fault::none, restarted 
             everywhere());
     });
     in.world.run_for(3s);
+    in.world.net().between("boat", "log").latency += detour; // not before the recorder has subscribed
+    in.world.net().between("desk", "shore").latency += 3 * detour;
     if (who != restarted::nobody) {
         auto& process = who == restarted::boat ? boat : shore;
         process.crash();
@@ -166,6 +170,67 @@ TEST_CASE("a component does in a replay what it did in the recording, to the nan
     CHECK(report.counts.called > 10);
     CHECK(report.counts.compared > 50);
     CHECK(report.length > 10s);
+}
+
+namespace {
+
+/// What a recording has of a topic: when, and what.
+struct recorded {
+    bag::message_record message;
+    bytes packet;
+};
+
+std::vector<recorded> messages_of(const std::string& file, const std::string& topic) {
+    auto opened = bag::open_file(file).value();
+    auto about = bag::read_summary(*opened).value();
+    bag::message_filter filter;
+    filter.wanted = [&](const bag::channel_record& channel) { return channel.topic == topic; };
+    bag::message_reader all(*opened, about, filter);
+    std::vector<recorded> made;
+    for (;;) {
+        auto next = all.next().value();
+        if (!next) return made;
+        auto of = bag::topic::of(about.channels.at(next->channel_id)).value();
+        auto packet = of.packet().decode(next->data).value();
+        made.push_back({std::move(*next), std::move(packet)});
+    }
+}
+
+} // namespace
+
+TEST_CASE("packets come in a replay when the recorder had them, and calls when the component had them", "[replay]") {
+    folder tmp;
+    constexpr auto detour = 137ms; // the recorder hears of the boat so much later than the navigator does
+    record_voyage(tmp.file("a.mcap"), fault::none, restarted::nobody, detour);
+    CHECK(replay(tmp.file("a.mcap"), with(fault::none)).first_difference);
+    auto options = with(fault::none);
+    options.ignored = {"seen_at", "sum/*"}; // a call may come before a packet behind which it had come
+    options.out = tmp.file("b.mcap");
+    auto report = replay(tmp.file("a.mcap"), options);
+    INFO((report.first_difference ? report.first_difference->text() : std::string()));
+    CHECK(report.counts.unknown == 0);
+
+    auto before = messages_of(tmp.file("a.mcap"), "atirma/navigator/fixes");
+    auto now = messages_of(tmp.file("b.mcap"), "atirma/navigator/fixes");
+    const auto both = std::min(before.size(), now.size()); // the last packets had not come to the recorder
+    REQUIRE(both + 2 >= before.size());
+    if (report.first_difference) CHECK(report.first_difference->number >= both);
+    std::size_t later = 0;
+    for (std::size_t i = 0; i < both; ++i) {
+        const auto by = decode<fix>(now[i].packet).seen_at - decode<fix>(before[i].packet).seen_at;
+        CHECK(by == (later > 0 || by != 0s ? detour : 0s));
+        later += by != 0s;
+    }
+    CHECK(later > 40);
+    CHECK(later < both);
+
+    // The times of calls are those of the component itself.
+    auto asked = messages_of(tmp.file("a.mcap"), "atirma/navigator/sum");
+    auto asked_again = messages_of(tmp.file("b.mcap"), "atirma/navigator/sum");
+    REQUIRE(asked.size() > 5);
+    REQUIRE(asked_again.size() == asked.size());
+    for (std::size_t i = 0; i < asked.size(); ++i)
+        CHECK(asked_again[i].message.publish_time == asked[i].message.publish_time);
 }
 
 TEST_CASE("a component that goes and comes back in a recording does so in the replay", "[replay]") {

@@ -69,8 +69,8 @@ struct quay {
     std::string boat_file() const { return key_file() + ".boat.db"; }
     std::string shore_file() const { return key_file() + ".xbee.db"; }
 
-    when_damaged replacing() const {
-        return when_damaged(ise::logger(), [] { return std::chrono::system_clock::time_point(480'000h); });
+    ise::when_damaged replacing() const {
+        return ise::when_damaged(ise::logger(), [] { return std::chrono::system_clock::time_point(480'000h); });
     }
     ise::result<std::unique_ptr<boat_links>> open_boat() { return boat_links::open(env, key_file(), replacing()); }
     ise::result<std::unique_ptr<shore_link>> open_shore(bool secondary = false) {

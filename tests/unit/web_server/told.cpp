@@ -1,11 +1,11 @@
 // What the page's component tells of the newest fix: over HTTP, and where a fix is the Iridium gateway's guess.
 #include <components/iridium_proxy/services.hpp>
-#include <components/storage/database.hpp>
 #include <components/web_server/web_component.hpp>
 
 #include <ise/component/health.hpp>
 #include <ise/component/node.hpp>
 #include <ise/core/real/environment.hpp>
+#include <ise/database/database.hpp>
 #include <ise/sim/world.hpp>
 
 #include <support/catch.hpp>
@@ -154,7 +154,7 @@ struct followed {
     }
     /// Rows of the archive, as another program sees them; -1 where it cannot be read.
     std::int64_t archived(const std::string& table) const {
-        auto db = database::open_to_read(archive);
+        auto db = ise::database::open_to_read(archive);
         if (!db) return -1;
         auto rows = db->query("SELECT count(*) FROM " + table);
         return rows ? rows->at(0).integer(0) : -1;
@@ -177,7 +177,7 @@ TEST_CASE("page: boats.json and the status name the link that the newest fix cam
     options.track.boat = "Vela";
     options.archive.file = "memory:page-told";
     options.http.port = 0;
-    auto disk = database::open(options.archive.file, {}).value(); // lives as long as this
+    auto disk = ise::database::open(options.archive.file, {}).value(); // lives as long as this
     auto measured = std::chrono::floor<std::chrono::milliseconds>(std::chrono::system_clock::now()) - 20s;
     {
         auto archive = track_archive::open(options.archive).value();

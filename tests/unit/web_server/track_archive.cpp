@@ -1,7 +1,8 @@
-#include <components/storage/database.hpp>
 #include <components/web_server/archive_schema.hpp>
 #include <components/web_server/telemetry_feed.hpp>
 #include <components/web_server/track_archive.hpp>
+
+#include <ise/database/database.hpp>
 
 #include <components/boat/telemetry.hpp>
 
@@ -26,7 +27,7 @@ const utc_ms ever{};
 
 /// A database of this process, held open while the archive comes and goes.
 struct disk {
-    explicit disk(const std::string& name) : held(database::open("memory:" + name, {}).value()) {
+    explicit disk(const std::string& name) : held(ise::database::open("memory:" + name, {}).value()) {
         options.file = "memory:" + name;
     }
     std::unique_ptr<track_archive> open() {
@@ -35,7 +36,7 @@ struct disk {
         if (auto entered = (*opened)->enter("vela", "Vela"); !entered) throw ise::error(entered.error());
         return std::move(*opened);
     }
-    database held;
+    ise::database held;
     archive_options options;
 };
 
@@ -276,7 +277,7 @@ TEST_CASE("archive: packets from the future are not kept longer than those of th
 TEST_CASE("archive: a file from before content counted is taken over whole") {
     disk d("archive-before");
     {
-        auto old = database::open(d.options.file, std::span(archive_schema).first(1)).value();
+        auto old = ise::database::open(d.options.file, std::span(archive_schema).first(1)).value();
         REQUIRE(old.execute("INSERT INTO boat (id, name) VALUES ('vela', 'Vela')"));
         for (std::uint32_t i = 1; i <= 3; ++i) {
             auto one = packet(i, location{}, start + i * 1s);

@@ -1,4 +1,4 @@
-#include <components/storage/database.hpp>
+#include <ise/database/database.hpp>
 
 #include <ise/core/real/environment.hpp>
 
@@ -12,7 +12,7 @@
 
 namespace database_test {
 
-using atirma::database;
+using ise::database;
 using namespace std::string_view_literals;
 
 namespace {
@@ -204,14 +204,14 @@ TEST_CASE("a damaged database is replaced when a call meets the damage, and what
     damaged_file::overwrite_pages_with(disk.file(), blob('b'));
     ise::real_environment env;
     damaged_file::log_lines log;
-    atirma::when_damaged how(ise::logger(env, "atirma/boat", log.sink()), [] { return noon; });
+    ise::when_damaged how(ise::logger(env, "atirma/boat", log.sink()), [] { return noon; });
     int begun = 0;
     how.begun = [&](database& fresh, const std::string& aside) {
         ++begun;
         CHECK(aside == disk.set_aside().at(0));
         CHECK(count(fresh) > 200);
     };
-    auto db = database::open(disk.file(), first_schema, atirma::when_damaged::keeping_readable(how)).value();
+    auto db = database::open(disk.file(), first_schema, ise::when_damaged::keeping_readable(how)).value();
     CHECK(begun == 0);
     SECTION("by a query, which is made once more") {
         auto rows = db.query("SELECT raw FROM packets");
@@ -243,7 +243,7 @@ TEST_CASE("a file that is no database is replaced when it is opened, where its u
     damaged_file::write_garbage(disk.file());
     CHECK(database::open(disk.file(), first_schema).error().code() == ise::errc::malformed);
     CHECK(disk.set_aside().empty());
-    atirma::when_damaged how(ise::logger(), [] { return noon; });
+    ise::when_damaged how(ise::logger(), [] { return noon; });
     auto db = database::open(disk.file(), first_schema, how);
     REQUIRE(db);
     CHECK(count(*db) == 0);
@@ -267,7 +267,7 @@ TEST_CASE("a database that is set aside keeps everything under another name, and
             CHECK(closed.error().code() == ise::errc::io_failed);
         }
         damaged_file::log_lines log;
-        auto moved = atirma::set_aside(there.file(), why, noon, ise::logger(env, "atirma/boat", log.sink()));
+        auto moved = ise::set_aside(there.file(), why, noon, ise::logger(env, "atirma/boat", log.sink()));
         REQUIRE(moved);
         CHECK(*moved != aside);
         CHECK(moved->find(there.file() + ".damaged-") == 0);
@@ -277,7 +277,7 @@ TEST_CASE("a database that is set aside keeps everything under another name, and
         auto kept = opened(aside);
         CHECK(count(kept) == 1);
     }
-    CHECK_FALSE(atirma::set_aside(there.file() + "/nothing/there", why, noon, ise::logger()));
+    CHECK_FALSE(ise::set_aside(there.file() + "/nothing/there", why, noon, ise::logger()));
 }
 
 TEST_CASE("the sum of a row differs where a bit, a type or the place of a byte differs") {

@@ -1,5 +1,5 @@
 #pragma once
-#include <components/storage/database.hpp>
+#include <ise/database/database.hpp>
 
 namespace atirma {
 
@@ -24,7 +24,7 @@ public:
         std::int64_t credits() const noexcept { return from_boat.credits + to_boat.credits; }
     };
 
-    explicit spending_book(database& of) : db_(of) {}
+    explicit spending_book(ise::database& of) : db_(of) {}
 
     /// Adds to that day; negative: it certainly cost nothing.
     ise::result<void> charge(const std::string& day, bool to_boat, const traffic& what);
@@ -32,7 +32,7 @@ public:
     ise::result<sums> spent(const std::string& days);
 
 private:
-    database& db_;
+    ise::database& db_;
 };
 
 } // namespace atirma

@@ -1,4 +1,4 @@
-#include <components/storage/spending_book.hpp>
+#include <components/spending/spending_book.hpp>
 
 #include <algorithm>
 

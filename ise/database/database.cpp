@@ -18,7 +18,7 @@
 #include <unistd.h>
 #include <utility>
 
-namespace atirma {
+namespace ise {
 
 std::int64_t database_row::integer(std::size_t column) const {
     if (auto real = std::get_if<double>(&cells_.at(column))) return static_cast<std::int64_t>(*real);
@@ -166,17 +166,17 @@ public:
         handle_ = nullptr;
     }
 
-    ise::failure failed(std::string_view doing) const {
-        if (!handle_) return ise::failure(ise::errc::io_failed, fmt::format("{}: {}: it is closed", file_, doing));
+    failure failed(std::string_view doing) const {
+        if (!handle_) return failure(errc::io_failed, fmt::format("{}: {}: it is closed", file_, doing));
         auto code = sqlite3_errcode(handle_) & 0xff;
         bool damaged = code == SQLITE_CORRUPT || code == SQLITE_NOTADB;
-        return ise::failure(damaged ? ise::errc::malformed : ise::errc::io_failed,
-                            fmt::format("{}: {}: {}", file_, doing, sqlite3_errmsg(handle_)));
+        return failure(damaged ? errc::malformed : errc::io_failed,
+                       fmt::format("{}: {}: {}", file_, doing, sqlite3_errmsg(handle_)));
     }
 
-    ise::result<void> connect() {
+    result<void> connect() {
         // Nobody else can put another file, or a link to one, where this one is or will be.
-        auto own = in_memory(file_) ? ise::result<void>() : ise::check_own_file(file_, "open");
+        auto own = in_memory(file_) ? result<void>() : check_own_file(file_, "open");
         if (!own) return own;
         keep_private(file_);
         auto done = connect_by(SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
@@ -184,9 +184,9 @@ public:
         return script("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA foreign_keys=ON");
     }
 
-    ise::result<void> connect_to_read() { return connect_by(SQLITE_OPEN_READONLY); }
+    result<void> connect_to_read() { return connect_by(SQLITE_OPEN_READONLY); }
 
-    ise::result<void> script(std::string_view sql) {
+    result<void> script(std::string_view sql) {
         if (!handle_) return failed(sql);
         if (sqlite3_exec(handle_, std::string(sql).c_str(), nullptr, nullptr, nullptr) != SQLITE_OK)
             return failed(sql.substr(0, sql.find('\n')));
@@ -195,7 +195,7 @@ public:
 
     /// Calls `on_row` for each row. Statements are compiled once; their number is that of the texts in the program.
     template <class OnRow>
-    ise::result<void> run(std::string_view sql, std::span<const database_value> values, OnRow on_row) {
+    result<void> run(std::string_view sql, std::span<const database_value> values, OnRow on_row) {
         if (!handle_) return failed(sql);
         auto found = statements_.find(sql);
         if (found == statements_.end()) {
@@ -223,7 +223,7 @@ public:
     const std::string& file() const noexcept { return file_; }
 
 private:
-    ise::result<void> connect_by(int how) {
+    result<void> connect_by(int how) {
         int flags = how | SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX;
         if (sqlite3_open_v2(location_of(file_).c_str(), &handle_, flags, nullptr) != SQLITE_OK)
             return failed("cannot be opened");
@@ -234,7 +234,7 @@ private:
         return {};
     }
 
-    ise::failure finish(sqlite3_stmt* step, std::string_view sql) {
+    failure finish(sqlite3_stmt* step, std::string_view sql) {
         auto why = failed(sql);
         sqlite3_reset(step);
         sqlite3_clear_bindings(step);
@@ -250,8 +250,8 @@ private:
 struct database::replacing {
     std::vector<std::string_view> schema;
     when_damaged how;
-    std::optional<ise::failure> damage = std::nullopt; ///< the file is not set aside yet
-    std::string aside = std::string();                 ///< and this one has no successor yet
+    std::optional<failure> damage = std::nullopt; ///< the file is not set aside yet
+    std::string aside = std::string();            ///< and this one has no successor yet
     bool under_way = false;
 };
 
@@ -260,10 +260,9 @@ database::database(database&&) noexcept = default;
 database& database::operator=(database&&) noexcept = default;
 database::~database() = default;
 
-ise::result<database> database::open(const std::string& file, std::span<const std::string_view> schema,
-                                     when_damaged how) {
+result<database> database::open(const std::string& file, std::span<const std::string_view> schema, when_damaged how) {
     auto opened = open_as_it_is(file, schema);
-    if (!how.wall || (!opened && opened.error().code() != ise::errc::malformed)) return opened;
+    if (!how.wall || (!opened && opened.error().code() != errc::malformed)) return opened;
     auto made = opened ? std::move(*opened) : database(std::make_unique<state>(file));
     made.replacing_ = std::make_unique<replacing>();
     made.replacing_->schema.assign(schema.begin(), schema.end());
@@ -274,15 +273,14 @@ ise::result<database> database::open(const std::string& file, std::span<const st
 }
 
 /// Where the damage was met, or an earlier attempt to replace the file failed: the next one.
-ise::result<void> database::replace_damaged() {
+result<void> database::replace_damaged() {
     if (!replacing_ || replacing_->under_way) return {};
     auto& r = *replacing_;
     if (r.damage) {
         state_->close();
-        auto aside = atirma::set_aside(file(), *r.damage, r.how.wall(), r.how.log);
+        auto aside = set_aside(file(), *r.damage, r.how.wall(), r.how.log);
         if (!aside)
-            return ise::failure(ise::errc::io_failed,
-                                fmt::format("{}; {}", r.damage->message(), aside.error().message()));
+            return failure(errc::io_failed, fmt::format("{}; {}", r.damage->message(), aside.error().message()));
         r.aside = *aside;
         r.damage.reset();
     }
@@ -303,14 +301,14 @@ auto database::attempt(Run run) -> decltype(run()) {
     if (auto ready = replace_damaged(); !ready) return ready.error();
     bool whole = !state_->in_transaction();
     auto done = run();
-    if (done || done.error().code() != ise::errc::malformed || !replacing_ || replacing_->under_way) return done;
+    if (done || done.error().code() != errc::malformed || !replacing_ || replacing_->under_way) return done;
     replacing_->damage = done.error();
     if (auto replaced = replace_damaged(); !replaced) return replaced.error();
     if (!whole) return done;
     return run();
 }
 
-ise::result<database> database::open_as_it_is(const std::string& file, std::span<const std::string_view> schema) {
+result<database> database::open_as_it_is(const std::string& file, std::span<const std::string_view> schema) {
     auto opening = std::make_unique<state>(file);
     auto connected = opening->connect();
     if (!connected) return connected.error();
@@ -320,11 +318,10 @@ ise::result<database> database::open_as_it_is(const std::string& file, std::span
     if (!rows) return rows.error();
     auto version = static_cast<std::size_t>(rows->at(0).integer(0));
     if (version > schema.size()) {
-        return ise::failure(
-            ise::errc::invalid_argument,
-            fmt::format("{}: was written by a newer program (schema {}, this one knows {}): use that, or "
-                        "another file",
-                        file, version, schema.size()));
+        return failure(errc::invalid_argument,
+                       fmt::format("{}: was written by a newer program (schema {}, this one knows {}): use that, or "
+                                   "another file",
+                                   file, version, schema.size()));
     }
     for (; version < schema.size(); ++version) {
         auto whole =
@@ -338,20 +335,20 @@ ise::result<database> database::open_as_it_is(const std::string& file, std::span
     return opened;
 }
 
-ise::result<database> database::open_to_read(const std::string& file) {
+result<database> database::open_to_read(const std::string& file) {
     auto opening = std::make_unique<state>(file);
     auto connected = opening->connect_to_read();
     if (!connected) return connected.error();
     return database(std::move(opening));
 }
 
-ise::result<std::int64_t> database::execute(std::string_view sql, values bound) {
+result<std::int64_t> database::execute(std::string_view sql, values bound) {
     auto done = attempt([&] { return state_->run(sql, std::span(bound.begin(), bound.size()), [](sqlite3_stmt*) {}); });
     if (!done) return done.error();
     return std::int64_t{sqlite3_changes64(state_->handle())};
 }
 
-ise::result<std::vector<database_row>> database::query(std::string_view sql, values bound) {
+result<std::vector<database_row>> database::query(std::string_view sql, values bound) {
     std::vector<database_row> rows;
     auto keep = [&](sqlite3_stmt* row) { rows.emplace_back(cells_of(row)); };
     auto done = attempt([&] {
@@ -362,11 +359,11 @@ ise::result<std::vector<database_row>> database::query(std::string_view sql, val
     return rows;
 }
 
-ise::result<void> database::begin() {
+result<void> database::begin() {
     return attempt([&] { return state_->script("BEGIN IMMEDIATE"); });
 }
 
-ise::result<void> database::commit() {
+result<void> database::commit() {
     auto done = attempt([&] { return state_->script("COMMIT"); });
     if (!done) rollback();
     return done;
@@ -385,7 +382,7 @@ void database::close() noexcept {
 }
 bool database::is_open() const noexcept { return state_->handle() != nullptr; }
 
-ise::result<void> database::copy(const std::string& from, const std::string& to) {
+result<void> database::copy(const std::string& from, const std::string& to) {
     state source(from), target(to);
     if (auto opened = source.connect_to_read(); !opened) return opened;
     if (auto opened = target.connect(); !opened) return opened;
@@ -397,7 +394,7 @@ ise::result<void> database::copy(const std::string& from, const std::string& to)
     return {};
 }
 
-ise::result<std::uint64_t> database::keep_readable(const std::string& damaged) {
+result<std::uint64_t> database::keep_readable(const std::string& damaged) {
     constexpr std::string_view tables =
         "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite%'";
     constexpr std::string_view columns = "SELECT name FROM pragma_table_info(?)";
@@ -419,9 +416,9 @@ ise::result<std::uint64_t> database::keep_readable(const std::string& damaged) {
             places += ", ?";
         }
         auto put = fmt::format("INSERT OR IGNORE INTO \"{}\"({}) VALUES({})", table, names, places);
-        std::optional<ise::failure> refused;
+        std::optional<failure> refused;
         auto keep = [&](sqlite3_stmt* found) {
-            auto done = refused ? ise::result<void>() : state_->run(put, cells_of(found), [](sqlite3_stmt*) {});
+            auto done = refused ? result<void>() : state_->run(put, cells_of(found), [](sqlite3_stmt*) {});
             if (!done) refused = done.error();
             else if (!refused) kept += static_cast<std::uint64_t>(sqlite3_changes64(state_->handle()));
         };
@@ -450,10 +447,10 @@ when_damaged when_damaged::keeping_readable(when_damaged how) {
     return how;
 }
 
-ise::result<std::string> set_aside(const std::string& file, const ise::failure& cause,
-                                   std::chrono::system_clock::time_point now, const ise::logger& log) {
+result<std::string> set_aside(const std::string& file, const failure& cause, std::chrono::system_clock::time_point now,
+                              const logger& log) {
     auto failed = [&](const std::string& why) {
-        return ise::failure(ise::errc::io_failed, fmt::format("{}: cannot be set aside: {}", file, why));
+        return failure(errc::io_failed, fmt::format("{}: cannot be set aside: {}", file, why));
     };
     if (in_memory(file)) return failed("it lies in memory");
     auto stamp = fmt::format("{}.damaged-{:%Y%m%dT%H%M%SZ}", file, std::chrono::floor<std::chrono::seconds>(now));
@@ -475,4 +472,4 @@ ise::result<std::string> set_aside(const std::string& file, const ise::failure& 
     return aside;
 }
 
-} // namespace atirma
+} // namespace ise

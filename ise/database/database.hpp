@@ -15,7 +15,7 @@
 #include <variant>
 #include <vector>
 
-namespace atirma {
+namespace ise {
 
 /// What a database cell holds, and what is bound to a `?` of a statement.
 using database_value = std::variant<std::monostate, std::int64_t, double, std::string, std::vector<std::byte>>;
@@ -42,10 +42,10 @@ class database;
 struct when_damaged {
     /// The file is left as it is, and each call that meets the damage fails.
     when_damaged() = default;
-    when_damaged(ise::logger log_to, std::function<std::chrono::system_clock::time_point()> clock)
+    when_damaged(logger log_to, std::function<std::chrono::system_clock::time_point()> clock)
         : log(std::move(log_to)), wall(std::move(clock)) {}
 
-    ise::logger log;                                                      ///< gets an error with the file's new name
+    logger log;                                                           ///< gets an error with the file's new name
     std::function<std::chrono::system_clock::time_point()> wall;          ///< for that name; empty: nothing is done
     std::function<void(database& fresh, const std::string& aside)> begun; ///< called with the new file; may be empty
 
@@ -77,29 +77,29 @@ public:
     /// most. `schema`: scripts that bring version n of the file to n+1; those that the file has not seen run, each
     /// whole or not at all. A file of a newer program (more scripts) is refused with invalid_argument. The texts of
     /// `schema` outlive the database.
-    static ise::result<database> open(const std::string& file, std::span<const std::string_view> schema,
-                                      when_damaged how = when_damaged());
+    static result<database> open(const std::string& file, std::span<const std::string_view> schema,
+                                 when_damaged how = when_damaged());
 
     /// Opens a file that another program writes, to look at it: what is written through this fails. Whatever its
     /// schema.
-    static ise::result<database> open_to_read(const std::string& file);
+    static result<database> open_to_read(const std::string& file);
 
     /// Makes `to` hold exactly what `from` holds: backup and restore. Both may be open here meanwhile, without a
     /// transaction; no other process may use `to`.
-    static ise::result<void> copy(const std::string& from, const std::string& to);
+    static result<void> copy(const std::string& from, const std::string& to);
 
     database(database&&) noexcept;
     database& operator=(database&&) noexcept;
     ~database(); ///< rolls back a transaction that is not committed
 
     /// Runs one statement that gives no rows; `bound` stand for its `?`. The number of rows that it changed.
-    ise::result<std::int64_t> execute(std::string_view sql, values bound = {});
+    result<std::int64_t> execute(std::string_view sql, values bound = {});
     /// Runs one statement and gives its rows, all at once: bound it with LIMIT.
-    ise::result<std::vector<database_row>> query(std::string_view sql, values bound = {});
+    result<std::vector<database_row>> query(std::string_view sql, values bound = {});
 
     /// What is executed until `commit` happens together or, after `rollback` or a failure of `commit`, not at all.
-    ise::result<void> begin();
-    ise::result<void> commit();
+    result<void> begin();
+    result<void> commit();
     void rollback() noexcept;
     /// Runs `write`, which returns a result, between `begin` and `commit`: what it executes is kept together, or not at
     /// all where it fails or throws. Gives its result, or why nothing of it could be kept.
@@ -109,7 +109,7 @@ public:
     /// Copies from a damaged file what can be read of the tables and columns that this one has too; rows that are here
     /// already stay. What lies between the first and the last unreadable part of a table is left out, and so are tables
     /// without row ids. Gives the number of rows. Outside a transaction.
-    ise::result<std::uint64_t> keep_readable(const std::string& damaged);
+    result<std::uint64_t> keep_readable(const std::string& damaged);
 
     std::int64_t last_insert_id() const noexcept;
     const std::string& file() const noexcept;
@@ -122,10 +122,10 @@ private:
     class state;
     struct replacing;
     explicit database(std::unique_ptr<state> opened);
-    static ise::result<database> open_as_it_is(const std::string& file, std::span<const std::string_view> schema);
+    static result<database> open_as_it_is(const std::string& file, std::span<const std::string_view> schema);
     template <class Run>
     auto attempt(Run run) -> decltype(run());
-    ise::result<void> replace_damaged();
+    result<void> replace_damaged();
 
     std::unique_ptr<state> state_;
     std::unique_ptr<replacing> replacing_; ///< null: a damaged file is left as it is
@@ -148,7 +148,7 @@ auto database::transaction(Write write) -> decltype(write()) {
 /// logs that as an error with the cause and the new name, which it gives. Nothing is deleted or overwritten. The new
 /// name is that of the file with ".damaged" and the time behind it. Nobody in this process has the file open. Errors:
 /// io_failed.
-ise::result<std::string> set_aside(const std::string& file, const ise::failure& cause,
-                                   std::chrono::system_clock::time_point now, const ise::logger& log);
+result<std::string> set_aside(const std::string& file, const failure& cause, std::chrono::system_clock::time_point now,
+                              const logger& log);
 
-} // namespace atirma
+} // namespace ise

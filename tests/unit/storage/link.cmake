@@ -1,1 +1,0 @@
-target_link_libraries(unit_storage PRIVATE atirma_storage)
