@@ -66,12 +66,6 @@ class Member:
         self.signal(signal.SIGKILL)
         self.process.wait()
 
-    def restart(self):
-        """As the service's restart does: Patroni stops and starts its PostgreSQL, too."""
-        self.process.terminate()
-        self.process.wait(LIMIT_S)
-        self.start()
-
     def told(self, what):
         """What its Patroni answers, with the status of HTTP; nothing where it does not."""
         try:
@@ -100,6 +94,8 @@ class Cluster:
         if not self.patroni or not etcd:
             raise Skipped(f"{'etcd' if self.patroni else 'Patroni'} is not installed (cmake/install-packages test)")
         self.bin, self.who, self.folder = programs(), unprivileged(), folder / "cluster"
+        said = subprocess.run([self.patroni, "--version"], capture_output=True, text=True, timeout=LIMIT_S, check=False).stdout
+        self.version = tuple(int(each) for each in re.findall(r"\d+", said)[:2])
         self.folder.mkdir()
         folder.chmod(0o755)
         if self.who:
@@ -247,8 +243,6 @@ def story_fails_over(folder, shore):
         expect("the primary is the same", cluster.in_role("primary") is second)
         standby.signal(signal.SIGCONT)
         cluster.whole()
-        standby.restart()  # Patroni 3.0 may go on with an outdated copy of what is in etcd
-        cluster.whole()
 
         # All processes of the primary's host hang: connections are accepted by its kernel, and nobody answers.
         shore.node(2, cluster.url(second), PGPASSFILE=str(cluster.passwords))
@@ -266,6 +260,9 @@ def story_fails_over(folder, shore):
         until(lambda: second.ask("SELECT count(*) FROM pg_stat_activity WHERE wait_event = 'SyncRep' AND query LIKE 'INSERT%forged%'") == "1"
               or forged.poll() is not None, "a commit waits for the standby that has left")
         expect("it is not acknowledged", forged.poll() is None, forged.communicate() if forged.poll() is not None else "")
+        if cluster.version < (3, 1):  # it could take the lock back (docs/postgresql.md): the host is reset
+            second.kill()
+            second.start()
         second.signal(signal.SIGCONT)
         until(lambda: second.told("replica"), "the old primary becomes a standby", 2 * LIMIT_S)
         expect("nor is it then", forged.wait(LIMIT_S) != 0)
