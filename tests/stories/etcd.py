@@ -1,5 +1,6 @@
-"""A cluster of three etcd of a story, and the checker of what was granted in it."""
+"""A cluster of three etcd of a story, name servers over it, and the history of what was granted in it."""
 import base64
+import http.client
 import json
 import shutil
 import ssl
@@ -10,6 +11,7 @@ import urllib.error
 import urllib.request
 from pathlib import Path
 
+import grants
 from world import Failed, Skipped, World
 
 PREFIX = "/ise/names/name/"
@@ -49,16 +51,17 @@ class Authority:
 
 
 class Cluster:
-    """Three members on loopback ports that were free, in the story's folder. With an authority they serve TLS, to clients
+    """Three members on ports that were free, of loopback or of these hosts. With an authority they serve TLS, to clients
     with one of its certificates only."""
 
-    def __init__(self, world: World, *options: str, authority: Authority | None = None):
+    def __init__(self, world: World, *options: str, authority: Authority | None = None, hosts: tuple[str | None, ...] = (None,) * 3):
         if not (program := shutil.which("etcd")):
             raise Skipped("there is no etcd here (Debian: etcd-server)")
-        self.world = world
-        ports = [(world.free_port(), world.free_port()) for _ in range(3)]
+        self.world, self.hosts = world, hosts
+        self.addresses = [world.addresses[host] if host else "127.0.0.1" for host in hosts]
+        ports = [(address, world.free_port(), world.free_port()) for address in self.addresses]
         self.names = [f"etcd{n}" for n in range(3)]
-        self.urls = [f"http{'s' if authority else ''}://127.0.0.1:{client}" for client, _ in ports]
+        self.urls = [f"http{'s' if authority else ''}://{address}:{client}" for address, client, _ in ports]
         self.tls = None
         if authority:
             mine = authority.issue("etcd")
@@ -66,23 +69,31 @@ class Cluster:
                         "--key-file", str(mine / "key.pem"))
             self.tls = ssl.create_default_context(cafile=mine / "ca.pem")
             self.tls.load_cert_chain(mine / "certificate.pem", mine / "key.pem")
-        self.store = f"etcd{'s' if authority else ''}://" + ",".join(f"127.0.0.1:{client}" for client, _ in ports)
-        peers = [f"http://127.0.0.1:{peer}" for _, peer in ports]
+        self.store = f"etcd{'s' if authority else ''}://" + ",".join(f"{address}:{client}" for address, client, _ in ports)
+        peers = [f"http://{address}:{peer}" for address, _, peer in ports]
         initial = ",".join(f"{name}={peer}" for name, peer in zip(self.names, peers))
-        for name, url, peer in zip(self.names, self.urls, peers):
+        for name, url, peer, host in zip(self.names, self.urls, peers, hosts):
             world.run(name, [program, "--name", name, "--data-dir", str(world.folder / name), "--listen-client-urls", url,
                              "--advertise-client-urls", url, "--listen-peer-urls", peer, "--initial-advertise-peer-urls", peer,
-                             "--initial-cluster", initial, "--initial-cluster-token", str(world.folder), *options])
+                             "--initial-cluster", initial, "--initial-cluster-token", str(world.folder), *options], host)
         if not world.until(lambda: self.leader() is not None, 30):
             raise Failed("etcd elects no leader: " + (world.folder / "etcd0.err").read_text()[-2000:])
 
-    def ask(self, member: int, target: str, request: dict, wait: float = 2) -> dict | None:
+    def open(self, member: int, target: str, request: dict, wait: float):
         question = urllib.request.Request(f"{self.urls[member]}/v3/{target}", json.dumps(request).encode(), method="POST")
+        with self.world.on(self.hosts[member]):
+            return urllib.request.urlopen(question, timeout=wait, context=self.tls)
+
+    def ask(self, member: int, target: str, request: dict, wait: float = 2) -> dict | None:
         try:
-            with urllib.request.urlopen(question, timeout=wait, context=self.tls) as answer:
+            with self.open(member, target, request, wait) as answer:
                 return json.loads(answer.read())
         except (OSError, ValueError):
             return None
+
+    def first(self, target: str, request: dict) -> dict:
+        """The first answer of a member."""
+        return next((found for member in range(3) if (found := self.ask(member, target, request))), {})
 
     def leader(self) -> int | None:
         for member in range(3):
@@ -114,10 +125,12 @@ class Cluster:
 
 
 class History:
-    """Follows all grants, and says what is wrong with them: the epochs of a path only grow."""
+    """Writes all grants that the store has had into the story's history, which grants.py judges."""
 
     def __init__(self, cluster: Cluster):
-        self.cluster, self.grants, self.over, self.next = cluster, [], False, 1
+        self.cluster, self.over, self.next, self.offset = cluster, False, 1, 0
+        self.held: dict[str, int] = {}  # epochs of what is granted now
+        self.file = cluster.world.folder / "store.grants.jsonl"
         self.thread = threading.Thread(target=self.follow, daemon=True)
         self.thread.start()
 
@@ -125,48 +138,66 @@ class History:
         member = 0
         while not self.over:
             request = {"create_request": {"key": coded(PREFIX), "range_end": coded(PREFIX[:-1] + "0"), "start_revision": str(self.next)}}
-            question = urllib.request.Request(f"{self.cluster.urls[member]}/v3/watch", json.dumps(request).encode(), method="POST")
             try:
-                with urllib.request.urlopen(question, timeout=3) as answer:
+                with self.cluster.open(member, "watch", request, 3) as answer:
                     for line in answer:
                         self.take(json.loads(line).get("result", {}))
-            except (OSError, ValueError):
+            except (OSError, ValueError, http.client.HTTPException):
                 time.sleep(0.1)
             member = (member + 1) % 3
 
     def take(self, told: dict):
+        self.next = max(self.next, int(told.get("compact_revision", 0)))
         for event in told.get("events", []):
-            held = event["kv"]
-            self.next = max(self.next, int(held["mod_revision"]) + 1)
-            if event.get("type") != "DELETE":
-                self.grants.append((base64.b64decode(held["key"]).decode(), int(held["create_revision"])))
+            entry = event["kv"]
+            self.next = max(self.next, int(entry["mod_revision"]) + 1)
+            path = base64.b64decode(entry["key"]).decode().removeprefix(PREFIX)
+            if event.get("type") == "DELETE":
+                self.write("ended", path, epoch=self.held.pop(path, 0))
+                continue
+            self.held[path] = self.epoch(entry)
+            claim = json.loads(base64.b64decode(entry["value"]))["claim"]
+            self.write("granted", path, epoch=self.held[path], holder=int(claim["incarnation"]))
 
-    def wrong(self) -> list[str]:
+    def epoch(self, entry: dict) -> int:
+        while not self.offset:  # it is there before any name
+            found = self.cluster.first("kv/range", {"key": coded("/ise/names/offset")}).get("kvs")
+            self.offset = int(base64.b64decode(found[0]["value"])) if found else 0
+        return self.offset + int(entry["create_revision"])
+
+    def write(self, what: str, path: str, **more):
+        with self.file.open("a") as file:
+            file.write(json.dumps({"at": time.monotonic_ns(), "what": what, "path": path} | more) + "\n")
+
+    def complete(self) -> bool:
+        """Whether everything is written that the store has now."""
+        there = self.cluster.first("kv/range", {"key": coded(PREFIX), "range_end": coded(PREFIX[:-1] + "0")}).get("kvs", [])
+        return self.held == {base64.b64decode(one["key"]).decode().removeprefix(PREFIX): self.epoch(one) for one in there}
+
+    def wrong(self, **bounds) -> list[str]:
+        """Ends the history. The bounds are those of grants.py."""
+        found = [] if self.cluster.world.until(self.complete, 10) else ["the history of grants is not complete"]
+        self.cluster.world.note("end")
         self.over = True
-        last: dict[str, int] = {}
-        found = [] if self.grants else ["no grant was seen"]
-        for path, epoch in self.grants:
-            if epoch < last.get(path, 0):
-                found.append(f"{path} was granted under {epoch} after {last[path]}")
-            last[path] = max(epoch, last.get(path, 0))
-        return found
+        return found + grants.check(grants.read(self.cluster.world.folder), grants.Bounds(**bounds))
 
 
 class NameServers:
     """Three of them over one cluster; `names` is the list for clients."""
 
     def __init__(self, world: World, cluster: Cluster, *options: str, **variables: str):
-        self.world, found = world, []
+        self.world, self.hosts, found = world, cluster.hosts, []
         for n in range(3):
-            listen = f"tcp://127.0.0.1:{world.free_port()}"
-            made = world.run(f"names{n}", ["ise_name_server", "--listen", listen, "--log-level", "warning", "--store", cluster.store, *options], **variables)
+            listen = f"tcp://{cluster.addresses[n]}:{world.free_port()}"
+            made = world.run(f"names{n}", ["ise_name_server", "--listen", listen, "--log-level", "warning", "--store", cluster.store, *options], cluster.hosts[n],
+                             **variables)
             made.line("tcp://")
             found.append(listen)
         self.each, self.names = found, ",".join(found)
         world.names = self.names
 
     def listed(self, server: int) -> dict[str, int]:
-        ran = self.world.ise("--json", "list", wait=5, ISE_NAME_SERVER=self.each[server])
+        ran = self.world.ise("--json", "list", wait=5, host=self.hosts[server], ISE_NAME_SERVER=self.each[server])
         return {one["path"]: int(one["epoch"]) for one in json.loads(ran.stdout or "[]")} if ran.returncode == 0 else {}
 
     def all_list(self, paths: dict[str, int], wait: float = 20):

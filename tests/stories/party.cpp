@@ -1,6 +1,7 @@
 // One process of a story: a provider, a requester or a subscriber that appends to a log what it does and sees, a line
-// by one write(), so that kill -9 loses nothing of it. The lines are those that checker.py reads. usage: story_party
-// provider|requester|subscriber LOG ENDPOINT|PATH [NAME=VALUE]...
+// by one write(), so that kill -9 loses nothing of it. The lines are those that checker.py reads; a provider with a
+// name also writes those that grants.py reads, into a file beside its log.
+// usage: story_party provider|requester|subscriber LOG ENDPOINT|PATH [NAME=VALUE]...
 #include <ise/ise.hpp>
 #include <ise/naming/name_servers.hpp>
 #include <ise/service/service_host.hpp>
@@ -11,6 +12,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <fcntl.h>
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <stdexcept>
@@ -61,6 +63,26 @@ private:
     int file_;
 };
 
+// What is done under a granted name, in the lines that grants.py reads.
+class grant_journal {
+public:
+    explicit grant_journal(const std::filesystem::path& log)
+        : who_(log.stem()), file_(::open(std::filesystem::path(log).replace_extension(".grants.jsonl").c_str(),
+                                         O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600)) {
+        if (file_ < 0) throw std::runtime_error("cannot open the history of grants beside " + log.string());
+    }
+    void operator()(std::string_view what, const ise::wire::identity& self) const {
+        auto line = fmt::format(
+            "{{\"at\": {}, \"what\": \"{}\", \"who\": \"{}\", \"path\": \"{}\", \"epoch\": {}, \"holder\": {}}}\n",
+            clock_ns(), what, who_, self.path, self.epoch, self.incarnation);
+        if (::write(file_, line.data(), line.size()) != static_cast<ssize_t>(line.size())) std::abort();
+    }
+
+private:
+    std::string who_;
+    int file_;
+};
+
 struct settings {
     explicit settings(int count, char** words) {
         for (int i = 0; i < count; ++i) {
@@ -92,12 +114,17 @@ std::string one_word(std::string text) {
 
 class provider final : public ise::component {
 public:
-    provider(const journal& log, const settings& set) : log_(log), set_(set) {}
+    provider(const journal& log, const grant_journal* grants, const settings& set)
+        : log_(log), grants_(grants), set_(set) {}
 
 private:
     ise::task<> run() override {
         life_ = static_cast<std::uint64_t>(clock_ns());
         log_("life {}", life_);
+        if (grants_) {
+            (*grants_)("began", services().self());
+            spawn("acts", act());
+        }
         provide(work, [this](work_request rq) -> ise::task<work_done> {
             log_("start {}", rq.id);
             if (rq.blocks_ms > 0) std::this_thread::sleep_for(std::chrono::milliseconds(rq.blocks_ms));
@@ -127,8 +154,21 @@ private:
         }
         log_("silent {}", life_);
     }
+    // A component acts under its name as long as it has an epoch.
+    ise::task<> act() {
+        for (;;) {
+            const auto& self = services().self();
+            if (self.epoch != 0) (*grants_)("acted", self);
+            co_await sleep(100ms);
+        }
+    }
+    void on_name_lost(const ise::failure& why) override {
+        if (grants_) (*grants_)("withdrawn", services().self());
+        ise::component::on_name_lost(why);
+    }
 
     const journal& log_;
+    const grant_journal* grants_;
     const settings& set_;
     std::uint64_t life_ = 0;
 };
@@ -226,9 +266,11 @@ private:
 
 int run(const std::string& role, const std::string& log_file, const std::string& where, const settings& set) {
     journal log(log_file);
+    std::optional<grant_journal> grants;
     ise::real_environment env;
     ise::node_options options;
     options.use_names = set.values.contains("names");
+    if (options.use_names && role == "provider") grants.emplace(log_file);
     if (options.use_names) options.name_servers = ise::parse_name_servers(set.text("names", "")).value();
     ise::node node(env, std::move(options));
     ise::component_options how;
@@ -236,7 +278,8 @@ int run(const std::string& role, const std::string& log_file, const std::string&
     if (role == "provider") {
         how.listen = {ise::endpoint::parse(where).value()};
         how.registers = set.values.contains("names");
-        auto& started = node.start<provider>(set.text("path", "story/provider"), std::move(how), log, set);
+        auto& started = node.start<provider>(set.text("path", "story/provider"), std::move(how), log,
+                                             grants ? &*grants : nullptr, set);
         says = started.services().listening().front().text();
     } else {
         how.listens = false;

@@ -65,12 +65,15 @@ class Process:
         self.child.send_signal(number)
 
     def stop(self):
+        self.world.note("away", self.name)
         self.signal(signal.SIGSTOP)
 
     def go_on(self):
         self.signal(signal.SIGCONT)
+        self.world.note("back", self.name)
 
     def kill(self):
+        self.world.note("killed", self.name)
         self.signal(signal.SIGKILL)
         self.child.wait()
 
@@ -308,6 +311,11 @@ class World:
     def expect(self, held: object, broken: str):
         if not held:
             self.wrong.append(broken)
+
+    def note(self, what: str, who: str = ""):
+        """For the history of grants (grants.py): what the story did to a holder."""
+        with (self.folder / "story.grants.jsonl").open("a") as history:
+            history.write(json.dumps({"at": time.monotonic_ns(), "what": what, "who": who}) + "\n")
 
     def judge(self, rules: Rules):
         """Ends all parties and reads what they wrote."""
