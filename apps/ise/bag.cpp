@@ -15,6 +15,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <functional>
 #include <limits>
 #include <map>
@@ -54,12 +55,28 @@ opened open(const std::string& path, bag::depth how = bag::depth::index) {
     return made;
 }
 
-// The directory of the user's choice is not overwritten: the file must not exist.
-bag::writer create(const std::string& path) {
-    bag::writer_options how;
-    how.library = "ise " ISE_VERSION;
-    return bag::writer::make(bag::create_file(path).value(), how).value();
-}
+// A new file, which must not exist yet, and is removed again unless it becomes whole.
+class new_file {
+public:
+    explicit new_file(const std::string& path) : path_(path), writer_(make(path)) {}
+    new_file(const new_file&) = delete;
+    new_file& operator=(const new_file&) = delete;
+    ~new_file() {
+        if (!whole_) std::remove(path_.c_str());
+    }
+    bag::writer& writer() noexcept { return writer_; }
+    void keep() noexcept { whole_ = true; }
+
+private:
+    static bag::writer make(const std::string& path) {
+        bag::writer_options how;
+        how.library = "ise " ISE_VERSION;
+        return bag::writer::make(bag::create_file(path).value(), how).value();
+    }
+    std::string path_;
+    bag::writer writer_;
+    bool whole_ = false;
+};
 
 // "atirma/boat/position", or with everything below: "atirma/boat".
 bool chosen(const bag_options& options, const std::string& topic) {
@@ -349,20 +366,21 @@ copy_answer copy(const bag_options& options) {
         all.push_back(std::move(one));
     }
     for (std::size_t i = 0; i < all.size(); ++i) refuse_unknown_topics(options, options.files[i], all[i].file.about);
-    auto out = create(options.out);
+    new_file made(options.out);
+    auto& out = made.writer();
     joined_channels channels(out);
     for (auto& one : all) {
         for (const auto& where : one.file.about.metadata)
             out.write(bag::read_metadata(*one.file.file, where).value()).value();
         for (const auto& where : one.file.about.attachments) {
             auto got = bag::read_attachment(*one.file.file, where).value();
-            bag::attachment_record made;
-            made.log_time = got.log_time;
-            made.create_time = got.create_time;
-            made.name = got.name;
-            made.media_type = got.media_type;
-            made.data = got.data;
-            out.attach(made).value();
+            bag::attachment_record attached;
+            attached.log_time = got.log_time;
+            attached.create_time = got.create_time;
+            attached.name = got.name;
+            attached.media_type = got.media_type;
+            attached.data = got.data;
+            out.attach(attached).value();
         }
         one.messages =
             std::make_unique<bag::message_reader>(*one.file.file, one.file.about, filter_of(options, one.file.about));
@@ -382,6 +400,7 @@ copy_answer copy(const bag_options& options) {
         all[first].next = all[first].messages->next().value();
     }
     out.close().value();
+    made.keep();
     answer.bytes = out.bytes_written();
     return answer;
 }
@@ -391,7 +410,7 @@ copy_answer copy(const bag_options& options) {
 struct recover_answer {
     std::string file;
     bool was_complete = false;
-    std::uint64_t messages = 0, bytes = 0;
+    std::uint64_t messages = 0, bytes = 0, left_out = 0;
     if_any<std::string> cut;
     std::vector<std::string> damaged_chunks;
 };
@@ -400,12 +419,15 @@ recover_answer recover_file(const std::string& path, const std::string& to) {
     auto from = bag::open_file(path).value();
     bag::record_reader head(*from);
     if (auto first = head.next(); !first && head.offset() == 0) throw problem(first.error()); // before a file is made
-    auto out = create(to);
+    new_file made(to);
+    auto& out = made.writer();
     auto got = bag::recover(*from, out).value();
+    made.keep();
     recover_answer answer;
     answer.file = to;
     answer.was_complete = got.complete;
     answer.messages = got.messages;
+    answer.left_out = got.left_out;
     answer.bytes = out.bytes_written();
     if (got.end) answer.cut = got.end->message();
     for (const auto& one : got.damaged_chunks) answer.damaged_chunks.push_back(one.message());
@@ -417,6 +439,9 @@ std::string as_text(const recover_answer& of) {
                             of.was_complete ? " (nothing was damaged)" : "");
     if (of.cut) text += fmt::format("  {}\n", printable(*of.cut));
     for (const auto& one : of.damaged_chunks) text += fmt::format("  skipped: {}\n", printable(one));
+    if (of.left_out > 0)
+        text +=
+            fmt::format("  left out: {} messages, since what they are was described in a damaged part\n", of.left_out);
     return text;
 }
 
@@ -434,6 +459,8 @@ task<> bag_work(context& in, bag_options options) {
             auto look = [&path, how] { return describe(path, how); };
             auto answer = co_await in.self.offload(look);
             auto text = in.set.json ? json_line(answer) : as_text(answer);
+            if (options.act == "check" && !in.set.json && answer.complete && !answer.damage)
+                text += "  every byte was read: nothing is damaged\n";
             if (answer.damage && damaged.empty()) damaged = *answer.damage;
             co_await in.out.write(in.self, std::move(text));
         }
@@ -476,6 +503,14 @@ void declare_bag(CLI::App& app, parsed_command& made) {
             throw problem(exit_code::usage, "usage",
                           writes ? fmt::format("'bag {}' takes --out: the new file", given->act)
                                  : fmt::format("'bag {}' writes no file: it takes no --out", given->act));
+        const bool parts = given->act == "cat" || given->act == "cut";
+        if (!parts && (given->from || given->until))
+            throw problem(exit_code::usage, "usage",
+                          fmt::format("'bag {}' takes no --from and --until: ise bag cut makes a part", given->act));
+        if (!parts && given->act != "merge" && !given->only.empty())
+            throw problem(exit_code::usage, "usage", fmt::format("'bag {}' takes no --only", given->act));
+        if (given->from && given->until && *given->from >= *given->until)
+            throw problem(exit_code::usage, "usage", "--from is not before --until: nothing is between them");
         if (given->files.size() > 1 && (given->act == "cut" || given->act == "recover"))
             throw problem(exit_code::usage, "usage", fmt::format("'bag {}' takes one file", given->act),
                           "ise bag merge makes one of several");

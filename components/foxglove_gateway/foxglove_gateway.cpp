@@ -9,8 +9,10 @@
 
 #include <ise/component/discover.hpp>
 #include <ise/component/parameter_services.hpp>
+#include <ise/component/served_runs.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/http/http_server.hpp>
+#include <ise/service/action.hpp>
 #include <ise/service/dynamic.hpp>
 
 #include <asio/ip/address.hpp>
@@ -18,6 +20,7 @@
 
 #include <chrono>
 #include <map>
+#include <optional>
 #include <system_error>
 #include <utility>
 #include <variant>
@@ -54,9 +57,10 @@ struct foxglove_gateway::state {
 
     // --- the system --------------------------------------------------------------------------------------------------
 
-    void show(const std::string& path, const dynamic_contract& service) {
+    void show(const std::string& path, const dynamic_contract& service, const dynamic_contract* runs) {
         if (service.kind() == service_kind::request_response) services->add(path, service);
-        else channels->add(path, service);
+        else if (!is_action(*service.types())) channels->add(path, service);
+        else if (runs) channels->add_runs(path, service, *runs); // to subscribe to the action itself would start a run
     }
     void hide(const std::string& path, const std::string& service) {
         channels->remove(path, service);
@@ -72,11 +76,16 @@ struct foxglove_gateway::state {
         auto& of = in->components[path];
         std::map<std::string, std::string> now;
         of.has_parameters = false;
+        std::optional<dynamic_contract> runs;
         for (const auto& service : about.services) {
             of.has_parameters = of.has_parameters || (service.provided && service.name == parameters_service.name());
+            if (!service.provided || service.name != served_runs_service.name()) continue;
+            if (auto contract = contract_of(service)) runs.emplace(std::move(*contract));
+        }
+        for (const auto& service : about.services) {
             if (!in->options.has(service)) continue;
             auto& types = now[service.name];
-            types = fmt::format("{}", service.kind);
+            types = fmt::format("{}{}", service.kind, runs ? " with runs" : "");
             for (const auto& packet : service.packets) types += "\n" + packet.schema;
         }
         for (const auto& [name, types] : std::map(of.services))
@@ -95,7 +104,7 @@ struct foxglove_gateway::state {
             auto contract = contract_of(service);
             std::string why = contract ? "" : contract.error().message();
             try {
-                if (contract) show(path, *contract);
+                if (contract) show(path, *contract, runs ? &*runs : nullptr);
             } catch (const error& refused) { // a type that protobuf cannot have
                 why = refused.what();
             }

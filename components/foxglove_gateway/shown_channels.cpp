@@ -3,9 +3,9 @@
 #include <components/foxglove_gateway/derived_channels.hpp>
 
 #include <ise/bag/protobuf.hpp>
+#include <ise/component/served_runs.hpp>
 #include <ise/core/buffer.hpp>
 #include <ise/core/bytes.hpp>
-#include <ise/service/action.hpp>
 
 #include <fmt/format.h>
 
@@ -61,6 +61,35 @@ struct shown_channels::source : std::enable_shared_from_this<source> {
     }
 };
 
+namespace {
+
+/// Of all runs of a component, those of one action.
+class runs_of_action final : public derivation {
+public:
+    runs_of_action(std::string topic, const dynamic_contract& action)
+        : action_(action.name()), type_(schema_of_runs(action)) {
+        channel one;
+        one.topic = std::move(topic);
+        one.schema = protobuf_schema(type_.name(), type_.descriptors());
+        channels_.push_back(std::move(one));
+    }
+    const std::vector<channel>& channels() const override { return channels_; }
+    void take(const dynamic_packet& packet, wall_time at, std::vector<derived_message>& to) override {
+        auto event = packet.as<served_run>();
+        if (event.action != action_) return;
+        buffer payload;
+        type_.encode(encode_run(event), payload, false).value();
+        to.push_back({0, at, std::string(as_text(payload.view()))});
+    }
+
+private:
+    std::string action_;
+    bag::protobuf_type type_;
+    std::vector<channel> channels_;
+};
+
+} // namespace
+
 // --- coming and going -------------------------------------------------------------------------------------------------
 
 void shown_channels::add_channel(source& from, std::string topic, schema_info schema) {
@@ -79,7 +108,6 @@ void shown_channels::add_channel(source& from, std::string topic, schema_info sc
 }
 
 void shown_channels::add(const std::string& path, const dynamic_contract& service) {
-    if (is_action(*service.types())) return; // to subscribe would start a run
     auto raw = std::make_shared<source>(path, service);
     raw->type = std::make_unique<bag::protobuf_type>(service.packet(role::published));
     auto& shown = sources_[{path, service.name()}];
@@ -96,6 +124,13 @@ void shown_channels::add(const std::string& path, const dynamic_contract& servic
     }
     for (const auto& one : shown)
         if (one->used()) want(one);
+}
+
+void shown_channels::add_runs(const std::string& path, const dynamic_contract& action, const dynamic_contract& runs) {
+    auto from = std::make_shared<source>(path, runs);
+    from->derived = std::make_unique<runs_of_action>(fmt::format("{}/{}", path, action.name()), action);
+    for (const auto& one : from->derived->channels()) add_channel(*from, one.topic, one.schema);
+    sources_[{path, action.name()}].push_back(std::move(from));
 }
 
 void shown_channels::remove(const std::string& path, const std::string& service) {

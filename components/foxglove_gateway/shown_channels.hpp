@@ -16,7 +16,8 @@
 
 namespace ise::foxglove {
 
-/// The channels that viewers see: of each subscription service its packets, and what the application derives from them.
+/// The channels that viewers see: of each subscription service its packets, and what the application derives from them;
+/// of each action the events of its runs, where the component shows them.
 /// Subscribes while a viewer wants a channel. Used on the component's loop.
 class shown_channels : public std::enable_shared_from_this<shown_channels> {
 public:
@@ -25,6 +26,9 @@ public:
 
     /// `path` provides `service`. Throws ise::error for a type that protobuf cannot have.
     void add(const std::string& path, const dynamic_contract& service);
+    /// `path` provides `action` and shows its runs by the service `runs` (`served_runs_service`): their events are a
+    /// channel, named as the action. Throws as `add`.
+    void add_runs(const std::string& path, const dynamic_contract& action, const dynamic_contract& runs);
     /// Not any more, or with other packets.
     void remove(const std::string& path, const std::string& service);
     /// Tells viewers what was added and removed since the last time.

@@ -49,6 +49,7 @@ constexpr own_service known_services[] = {
     {"ise.names.withdraw", action::look_up},
     {"ise.parameter_changes", action::read},
     {"ise.parameters", action::read},
+    {"ise.runs", action::read},
 };
 
 bool any_of(std::span<const std::string> texts, const pattern& of) noexcept {

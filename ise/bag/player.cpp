@@ -571,7 +571,7 @@ player::player(node& in, player_options options) : shared_(std::make_shared<shar
             if (channel.metadata.contains("ise.content")) throw error(made.error());
             continue; // another program's
         }
-        if (made->what() == content::events || !self.chosen(*made)) continue;
+        if (made->what() == content::events || made->what() == content::runs || !self.chosen(*made)) continue;
         any = true;
         tests = tests || self.tested(made->component());
         if (!self.tested(made->component())) self.books[made->component()];

@@ -5,6 +5,7 @@
 #include <ise/component/names_watch.hpp>
 #include <ise/component/parameter_services.hpp>
 #include <ise/component/served_calls.hpp>
+#include <ise/component/served_runs.hpp>
 #include <ise/core/endpoint.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/loop.hpp>
@@ -290,17 +291,22 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
         for (const auto& service : reply->services) {
             auto name = fmt::format("{}/{}", path, service.name);
             const bool calls = service.provided && service.name == served_calls_service.name() && me->options.calls;
-            if ((!calls && !me->wanted(service)) || !me->followed.insert(name).second) continue;
+            const bool runs = service.provided && service.name == served_runs_service.name() && me->options.calls;
+            if ((!calls && !runs && !me->wanted(service)) || !me->followed.insert(name).second) continue;
             auto contract = contract_of(service);
             if (!contract) {
                 self.log().warning(fmt::format("'{}' is not recorded: {}", name, contract.error().message()));
                 continue;
             }
             if (is_action(*contract->types())) { // to subscribe would start a run
-                self.log().info(fmt::format("'{}' is not recorded: it is an action", name));
+                if (!has_runs(*reply))
+                    self.log().info(fmt::format("'{}' is not recorded: it is an action, and its component shows no "
+                                                "runs ({}=1)",
+                                                name, record_calls_variable));
                 continue;
             }
             if (calls) self.spawn("calls of " + path, record_calls(me, path, *reply));
+            else if (runs) self.spawn("runs of " + path, record_runs(me, path, *reply));
             else self.spawn("record " + name, record(me, path, *contract));
         }
         const bool has_parameters = std::ranges::any_of(reply->services, [](const auto& service) {
@@ -391,55 +397,87 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
     // It is followed anew at the next news of its name.
     void end(const std::string& name) { followed.erase(name); }
 
-    static task<> record_calls(std::shared_ptr<state> me, std::string path, component_info about) {
-        auto& self = me->self;
-        std::map<std::string, std::shared_ptr<const topic>> of;
+    static bool has_runs(const component_info& about) {
+        return std::ranges::any_of(about.services, [](const auto& service) {
+            return service.provided && service.name == served_runs_service.name();
+        });
+    }
+
+    // The topics of those services of a component that `is` is true of, by name.
+    template <class Is>
+    std::map<std::string, std::shared_ptr<const topic>> topics_of(const std::string& path, const component_info& about,
+                                                                  Is is) {
+        std::map<std::string, std::shared_ptr<const topic>> made;
         for (const auto& service : about.services) {
-            if (!service.provided || service.kind != static_cast<std::uint8_t>(service_kind::request_response))
-                continue;
-            if (contains(me->options.except, service.name) ||
-                (!me->options.services.empty() && !contains(me->options.services, service.name)))
+            if (!service.provided || service.name.starts_with("ise.") || contains(options.except, service.name) ||
+                (!options.services.empty() && !contains(options.services, service.name)))
                 continue;
             auto contract = contract_of(service);
-            if (contract && !service.name.starts_with("ise.")) of[service.name] = me->topic_of(path, *contract);
+            if (contract && is(*contract)) made[service.name] = topic_of(path, *contract);
         }
-        auto key = fmt::format("{}/{}", path, served_calls_service.name());
+        return made;
+    }
+
+    // What a component shows of what it does for others.
+    template <class Packet>
+    static task<> record_shown(std::shared_ptr<state> me, std::string path, subscription<Packet> from,
+                               std::string missed, std::function<void(const Packet&, std::optional<wall_time>)> take) {
         auto terms = subscribe_options::last(4096);
         terms.last_value = false;
-        subscriber<std::remove_const_t<decltype(served_calls_service)>> calls;
-        std::optional<failure> why;
+        subscriber<subscription<Packet>> shown;
+        bool shows = true;
         try {
-            auto who = self.at(path);
-            calls = co_await who.subscribe(served_calls_service, terms);
-        } catch (const error& refused) {
-            why = refused.why();
+            auto who = me->self.at(path);
+            shown = co_await who.subscribe(from, terms);
+        } catch (const error&) { // it has gone meanwhile, or refuses it
+            shows = false;
         }
-        while (!why) {
-            auto packet = co_await calls.next();
+        while (shows) {
+            auto packet = co_await shown.next();
             if (!packet) break;
-            auto found = of.find(packet->service);
             if (packet.lost_before() != 0) {
                 gap_event event;
                 event.component = path;
-                event.service = std::string(served_calls_service.name());
+                event.service = std::string(from.name());
                 event.lost = packet.lost_before();
-                event.reason = "calls were lost on the way";
+                event.reason = missed;
                 ++me->counts.gaps;
                 me->note(me->gaps, event);
             }
-            if (found == of.end()) continue;
-            recorded_call call;
-            call.caller = packet->caller;
-            call.outcome = packet->outcome;
-            call.message = packet->message;
-            call.took = packet->took;
-            call.deadline = packet->deadline;
-            call.request = packet->request;
-            if (packet->outcome == "ok") call.response = packet->response;
-            me->put(found->second, encode_call(call), nanoseconds(packet->asked_at));
-            me->look_for_trigger(found->second->name());
+            take(*packet, packet.published_at());
         }
-        me->end(key);
+        me->end(fmt::format("{}/{}", path, from.name()));
+    }
+
+    static task<> record_calls(std::shared_ptr<state> me, std::string path, component_info about) {
+        auto of = me->topics_of(path, about,
+                                [](const auto& service) { return service.kind() == service_kind::request_response; });
+        auto take = [me, of](const served_call& served, std::optional<wall_time>) {
+            auto found = of.find(served.service);
+            if (found == of.end()) return;
+            recorded_call call;
+            call.caller = served.caller;
+            call.outcome = served.outcome;
+            call.message = served.message;
+            call.took = served.took;
+            call.deadline = served.deadline;
+            call.request = served.request;
+            if (served.outcome == "ok") call.response = served.response;
+            me->put(found->second, encode_call(call), nanoseconds(served.asked_at));
+            me->look_for_trigger(found->second->name());
+        };
+        return record_shown<served_call>(me, path, served_calls_service, "calls were lost on the way", take);
+    }
+
+    static task<> record_runs(std::shared_ptr<state> me, std::string path, component_info about) {
+        auto of = me->topics_of(path, about, [](const auto& service) { return is_action(*service.types()); });
+        auto take = [me, of](const served_run& served, std::optional<wall_time> at) {
+            auto found = of.find(served.action);
+            if (found == of.end()) return;
+            me->put(found->second, encode_run(served), at ? nanoseconds(*at) : 0);
+            me->look_for_trigger(found->second->name());
+        };
+        return record_shown<served_run>(me, path, served_runs_service, "events of runs were lost on the way", take);
     }
 };
 

@@ -1,8 +1,10 @@
 #include <ise/bag/recording.hpp>
 
+#include <ise/component/served_runs.hpp>
 #include <ise/packet/adapt.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/packet/dynamic.hpp>
+#include <ise/service/action.hpp>
 
 #include <fmt/format.h>
 
@@ -21,6 +23,7 @@ std::string_view name_of(content what) noexcept {
     switch (what) {
         case content::packets: return "packets";
         case content::calls: return "calls";
+        case content::runs: return "runs";
         case content::events: return "events";
     }
     return "";
@@ -93,11 +96,24 @@ result<recorded_call> decode_call(const dynamic_contract& service, bytes_view pa
     }
 }
 
+namespace {
+
+content content_of(const dynamic_contract& service) {
+    if (service.kind() == service_kind::request_response) return content::calls;
+    return is_action(*service.types()) ? content::runs : content::packets;
+}
+
+schema schema_in(content what, const dynamic_contract& service) {
+    if (what == content::calls) return call_schema(service);
+    return what == content::runs ? schema_of_runs(service) : service.packet(role::published);
+}
+
+} // namespace
+
 topic::topic(std::string component, const dynamic_contract& service)
     : name_(fmt::format("{}/{}", component, service.name())), component_(std::move(component)),
-      service_(service.name()), what_(service.kind() == service_kind::subscription ? content::packets : content::calls),
-      contract_(service), packet_(std::make_shared<const protobuf_type>(
-                              what_ == content::packets ? service.packet(role::published) : call_schema(service))) {}
+      service_(service.name()), what_(content_of(service)), contract_(service),
+      packet_(std::make_shared<const protobuf_type>(schema_in(what_, service))) {}
 
 topic::topic(std::string name, schema packet)
     : name_("ise/" + name), packet_(std::make_shared<const protobuf_type>(std::move(packet))) {}
@@ -120,9 +136,10 @@ result<topic> topic::of(const channel_record& channel) {
             if (!packet) return wrong(packet.error().message());
             return topic(channel.topic.substr(4), std::move(*packet));
         }
-        auto kind = *what == name_of(content::packets) ? service_kind::subscription : service_kind::request_response;
-        if (kind == service_kind::request_response && *what != name_of(content::calls))
+        const bool calls = *what == name_of(content::calls);
+        if (!calls && *what != name_of(content::packets) && *what != name_of(content::runs))
             return wrong("it has an unknown content");
+        auto kind = calls ? service_kind::request_response : service_kind::subscription;
         const auto* component = text(component_key);
         const auto* service = text(service_key);
         if (!component || !service) return wrong("it does not name its component and its service");
@@ -134,6 +151,8 @@ result<topic> topic::of(const channel_record& channel) {
         }
         auto contract = dynamic_contract::parse(*service, kind, texts);
         if (!contract) return wrong(contract.error().message());
+        if (content_of(*contract) != content::runs && *what == name_of(content::runs))
+            return wrong("it has runs of a service that is no action");
         return topic(*component, *contract);
     } catch (const error& thrown) {
         return wrong(thrown.what());

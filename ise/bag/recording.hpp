@@ -22,13 +22,14 @@ namespace ise::bag {
 enum class content : std::uint8_t {
     packets, ///< of a subscription
     calls,   ///< of a request-response service: a packet `call` each
+    runs,    ///< of an action: a packet of `schema_of_runs` each
     events,  ///< of the recording itself
 };
 
 /// A channel: the packets of one service, or events. Immutable.
 class topic {
 public:
-    /// The packets or the calls of a service of `component`.
+    /// The packets, the calls or the runs of a service of `component`.
     topic(std::string component, const dynamic_contract& service);
     /// Events of one kind, under `ise/NAME`.
     topic(std::string name, schema packet);
@@ -40,7 +41,7 @@ public:
     const std::string& component() const noexcept { return component_; } ///< empty: of events
     const std::string& service() const noexcept { return service_; }     ///< see above
     content what() const noexcept { return what_; }
-    /// The packets of its messages; of calls with request and response.
+    /// The packets of its messages; of calls with request and response, of runs with goal, feedback and result.
     const protobuf_type& packet() const noexcept { return *packet_; }
     /// The service; nothing for events.
     const std::optional<dynamic_contract>& contract() const noexcept { return contract_; }

@@ -55,7 +55,7 @@ result<std::optional<bytes>> mend_chunk(source& from, std::uint64_t at) {
 
 class copy {
 public:
-    copy(writer& to, recovery& made) : to_(to), made_(made) {}
+    copy(writer& to, recovery& made, summary about) : to_(to), made_(made), about_(std::move(about)) {}
 
     result<void> take(const record& one) {
         switch (one.op) {
@@ -73,7 +73,11 @@ public:
             }
             case opcode::message: {
                 auto read = parse<message_record>(one.content);
-                if (!read || !channels_.contains(read->channel_id)) return {};
+                if (!read) return {};
+                if (!channels_.contains(read->channel_id)) {
+                    if (auto done = describe(read->channel_id); !done) return done;
+                    if (!channels_.contains(read->channel_id)) return ++made_.left_out, result<void>();
+                }
                 ++made_.messages;
                 return to_.write(*read);
             }
@@ -94,8 +98,24 @@ public:
     }
 
 private:
+    // A channel whose own record is damaged.
+    result<void> describe(std::uint16_t id) {
+        auto channel = about_.channels.find(id);
+        if (channel == about_.channels.end()) return {};
+        const auto of = channel->second.schema_id;
+        if (of != 0 && !schemas_.contains(of)) {
+            auto schema = about_.schemas.find(of);
+            if (schema == about_.schemas.end()) return {};
+            schemas_.insert(of);
+            if (auto done = to_.add(schema->second); !done) return done;
+        }
+        channels_.insert(id);
+        return to_.add(channel->second);
+    }
+
     writer& to_;
     recovery& made_;
+    summary about_;
     std::set<std::uint16_t> schemas_, channels_;
 };
 
@@ -106,7 +126,8 @@ result<recovery> recover(source& from, writer& to, const reader_limits& limits) 
     auto size = from.size();
     if (!size) return size.error();
     made.file_bytes = *size;
-    copy into(to, made);
+    auto about = read_summary(from, depth::index, limits);
+    copy into(to, made, about ? std::move(*about) : summary());
     record_reader records(from, limits);
     records.skip_damaged_chunks([&](const failure& why) { made.damaged_chunks.push_back(why); });
     for (;;) {

@@ -6,6 +6,7 @@
 #include <ise/component/access_services.hpp>
 #include <ise/component/health.hpp>
 #include <ise/component/served_calls.hpp>
+#include <ise/component/served_runs.hpp>
 #include <ise/core/async_run.hpp>
 #include <ise/core/limits.hpp>
 #include <ise/core/real/ownership.hpp>
@@ -128,6 +129,7 @@ void component_runner::open() {
                                    [this](const access_request&, const call_context& by) { return tell_access(by); }))
             .value();
     provide_served_calls(*services_);
+    provide_served_runs(*services_);
     if (options_.listens) {
         auto wanted =
             options_.listen.empty() ? default_endpoints(env_, services_->self().incarnation) : options_.listen;

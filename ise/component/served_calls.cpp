@@ -11,9 +11,13 @@
 
 namespace ise {
 
+bool records_calls(const environment& env) {
+    auto wanted = env.variable(record_calls_variable);
+    return wanted && !wanted->empty() && *wanted != "0";
+}
+
 void provide_served_calls(service_host& of) {
-    auto wanted = of.env().variable(record_calls_variable);
-    if (!wanted || wanted->empty() || *wanted == "0") return;
+    if (!records_calls(of.env())) return;
     auto core = make_publication(of, served_calls_service);
     of.services().add(core).value();
     of.on().common<call_taps>().watch(of, [held = std::weak_ptr<publication_core>(core)](tapped_call call) {

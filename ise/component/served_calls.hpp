@@ -9,6 +9,7 @@
 /// The calls that a component serves, for recorders.
 namespace ise {
 
+class environment;
 class service_host;
 
 /// A call that a component has served. Fields are only ever appended.
@@ -29,7 +30,9 @@ struct served_call {
 inline constexpr subscription<served_call> served_calls_service{"ise.calls"};
 inline constexpr const char* record_calls_variable = "ISE_RECORD_CALLS"; ///< see above
 
-/// Provides the service, if the environment asks for it.
+/// Whether the environment asks for it.
+bool records_calls(const environment& env);
+/// Provides the service where it does.
 void provide_served_calls(service_host& of);
 
 } // namespace ise

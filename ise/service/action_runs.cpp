@@ -4,6 +4,7 @@
 #include <ise/core/little_endian.hpp>
 #include <ise/core/sleep.hpp>
 #include <ise/core/task_scope.hpp>
+#include <ise/service/run_tap.hpp>
 #include <ise/session/service_runtime.hpp>
 
 #include <fmt/format.h>
@@ -116,9 +117,12 @@ result<bytes> action_runs::accept(bytes_view request, const adapter* adapt, cons
     auto run = std::make_shared<provided_run>(weak_from_this(), on);
     run->id = id;
     run->subscriber = who.number;
+    run->number = ++accepted_;
+    run->requester = who.peer;
     run->who = who.who;
     run->goal.assign(request.begin() + action_layout::goal, request.end());
     all_.push_back(run);
+    tap(*run, tapped_run::goal, run->goal);
     if (time > duration{}) run->deadline.arm(saturating_add(on.now(), time));
     // Behind the answer, which precedes the first report.
     on.later([self = weak_from_this()] {
@@ -206,7 +210,9 @@ void action_runs::end(const held_run& run, std::optional<failure> why, bytes res
     run->deadline.disarm();
     run->latest = bytes();
     run->goal = bytes();
-    run->outcome = why ? update_of(a_failure, encoded(*why)) : update_of(a_result, result);
+    if (why) result = encoded(*why);
+    tap(*run, why ? tapped_run::failure : tapped_run::result, result);
+    run->outcome = update_of(why ? a_failure : a_result, result);
     if (run->subscriber == 0) forget(*run);
     else tell(*run, run->outcome);
     begin_next();
@@ -258,6 +264,18 @@ void action_runs::tell(const provided_run& run, const bytes& update) {
                     [number = run.subscriber](const subscriber_info& who) { return who.number == number; });
 }
 
+void action_runs::tap(const provided_run& run, std::uint8_t part, bytes_view packet) const {
+    const auto& taps = runtime_.on().common<run_taps>();
+    if (!taps.watches(runtime_)) return;
+    tapped_run what;
+    what.action = name_;
+    what.run = run.number;
+    what.requester = run.requester;
+    what.part = part;
+    what.packet.assign(packet.begin(), packet.end());
+    taps.tell(runtime_, std::move(what));
+}
+
 void action_runs::tell_again(const run_id& id) {
     auto run = find(id);
     if (!run) return;
@@ -271,6 +289,7 @@ task<> action_runs::report(std::shared_ptr<provided_run> run, bytes feedback) {
         throw error(errc::invalid_argument, "progress was reported for a run that is over");
     if (!run->cause) {
         run->latest = update_of(a_report, feedback);
+        owner->tap(*run, tapped_run::feedback, feedback);
         owner->tell(*run, run->latest);
     }
     auto& on = owner->runtime_.on();

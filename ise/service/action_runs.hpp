@@ -29,6 +29,8 @@ struct provided_run {
     provided_run(std::weak_ptr<action_runs> of, loop& on);
 
     run_id id{};
+    std::uint64_t number = 0;     ///< counted, for those who watch
+    std::string requester;        ///< its path and its address, for people
     std::string who;              ///< the requester's verified identity
     std::uint64_t subscriber = 0; ///< its number; 0: nobody wants it any more
     bytes goal;
@@ -70,6 +72,7 @@ private:
     void cancel(provided_run& run, failure why);
     void forget(const provided_run& run);
     void tell(const provided_run& run, const bytes& update);
+    void tap(const provided_run& run, std::uint8_t part, bytes_view packet) const;
     void tell_again(const run_id& id);
     held_run find(const run_id& id) const;
     std::size_t running() const noexcept;
@@ -81,6 +84,7 @@ private:
     std::weak_ptr<publication_core> out_;
     std::list<held_run> all_; // in the order in which they came
     std::deque<run_id> gone_; // were here, the last ones: they are not begun again
+    std::uint64_t accepted_ = 0;
 };
 
 /// Reports the progress of the run that a handler executes: `co_await progress(feedback)`. A value; used on the

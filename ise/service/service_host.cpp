@@ -92,6 +92,7 @@ void service_host::stop(duration grace) {
     acceptor_.close();
     dispatcher_.stop();
     if (call_taps::any()) on().common<call_taps>().ignore(*this);
+    on().common<run_taps>().ignore(*this);
     for (auto& [name, known] : links_)
         if (auto held = known.lock()) held->stop();
     peers_.finish_all(failure(errc::peer_lost, "the component stops"), grace);

@@ -161,7 +161,7 @@ std::vector<row> own_rows() {
         made.push_back({one.titles, false, "ise.describe", one.describe});
         for (const char* service : {"ise.health", "ise.parameters", "ise.access"})
             made.push_back({one.titles, false, service, one.read});
-        for (const char* service : {"ise.calls", "ise.parameter_changes"})
+        for (const char* service : {"ise.calls", "ise.parameter_changes", "ise.runs"})
             made.push_back({one.titles, true, service, one.read});
         made.push_back({one.titles, false, "ise.change_parameters", one.set});
     }

@@ -183,6 +183,31 @@ TEST_CASE("a damaged chunk is skipped and named, and the others are recovered", 
     CHECK(got.messages > 80);
 }
 
+TEST_CASE("of a file whose first chunk is damaged, which describes the channels, the others are recovered", "[bag]") {
+    auto file = sample(compression::none, 100);
+    auto from = memory_source(file, "sea.mcap");
+    auto about = read_summary(*from).value();
+    REQUIRE(about.chunks.size() > 2);
+    auto& first = about.chunks.at(0);
+    file[first.chunk_start_offset + first.chunk_length - 5] ^= std::byte{1};
+    for (bool closed : {true, false}) {
+        INFO("closed " << closed);
+        auto last = about.chunks.back();
+        auto cut = file;
+        if (!closed) cut.resize(last.chunk_start_offset + last.chunk_length); // no summary
+        auto there = memory_source(cut, "sea.mcap");
+        bytes mended;
+        auto out = writer::make(memory_sink(mended)).value();
+        auto got = recover(*there, out).value();
+        CHECK(got.damaged_chunks.size() == 1);
+        CHECK((closed ? got.messages : got.left_out) > 80);
+        CHECK((closed ? got.left_out : got.messages) == 0);
+        auto whole = read_summary(*memory_source(mended, "mended.mcap"), depth::whole).value();
+        CHECK(!whole.damage);
+        CHECK(whole.statistics.message_count == got.messages);
+    }
+}
+
 TEST_CASE("a chunk that decompresses to more than it says, or may, is refused", "[bag]") {
     std::string zeros(std::size_t{8} << 20, '\0');
     for (auto kind : {compression::lz4, compression::zstd}) {

@@ -5,6 +5,10 @@
 #include <ise/bag/recording.hpp>
 #include <ise/component/served_calls.hpp>
 #include <ise/packet/codec.hpp>
+#include <ise/packet/dynamic.hpp>
+#include <ise/service/action.hpp>
+#include <ise/service/action_run.hpp>
+#include <ise/service/action_runs.hpp>
 
 #include <support/catch.hpp>
 #include <unit/name_server/system.hpp>
@@ -148,6 +152,79 @@ TEST_CASE("a recorder writes packets, calls and names, and closes its file when 
     CHECK(decode<number>(call.request).value == 7);
     REQUIRE(call.response);
     CHECK(decode<number>(*call.response).value == 14);
+}
+
+namespace {
+
+inline constexpr ise::action<number, number, number> climb{"climb"};
+
+// Of "test/climbs (tcp://10.0.0.4:49159)" the path.
+std::string without_address(std::string text) {
+    auto begin = text.find(" (");
+    if (begin != text.npos) text.erase(begin, text.find(')', begin) + 1 - begin);
+    return text;
+}
+
+/// Climbs to the goal by reports of each step; to none above 100.
+class climber final : public component {
+    task<> run() override {
+        provide(climb, [this](number goal, progress<number> report) { return up(goal, report); });
+        for (;;) co_await sleep(1h);
+    }
+    task<number> up(number goal, progress<number> report) {
+        if (goal.value > 100) throw error(errc::refused, "too high");
+        for (number step{1}; step.value <= goal.value; ++step.value) {
+            co_await sleep(100ms);
+            co_await report(step);
+        }
+        co_return goal;
+    }
+};
+
+} // namespace
+
+TEST_CASE("the runs of actions are recorded, and a replay leaves them out", "[bag]") {
+    folder tmp;
+    voyage sea(recording_to(tmp.file("a.mcap")));
+    sea.begin("mast", [](node& in) { in.start<climber>("atirma/boat/mast", everywhere()); });
+    sea.in.start_body("shore", "climbs", [](component& self) -> task<> {
+        co_await self.sleep(2s);
+        auto mast = co_await self.find("atirma/boat/mast");
+        for (std::int64_t height : {2, 101}) {
+            number goal{height};
+            auto run = co_await mast.start(climb, goal);
+            [[maybe_unused]] auto outcome = co_await run.try_result();
+        }
+    });
+    sea.sail();
+    read_back got(tmp.file("a.mcap"));
+    const auto& topic = got.topic("atirma/boat/mast/climb");
+    CHECK(topic.what() == bag::content::runs);
+    std::vector<std::string> events;
+    for (const auto& one : got.all["atirma/boat/mast/climb"])
+        events.push_back(without_address(dynamic_packet(topic.packet().of(), one).to_json()));
+    auto event = [](int run, const std::string& parts) {
+        return R"({"run":)" + std::to_string(run) + R"(,"requester":"test/climbs",)" + parts + "}";
+    };
+    CHECK(
+        events ==
+        std::vector<std::string>{
+            event(1, R"("goal":{"value":2},"feedback":null,"result":null,"failure":null)"),
+            event(1, R"("goal":null,"feedback":{"value":1},"result":null,"failure":null)"),
+            event(1, R"("goal":null,"feedback":{"value":2},"result":null,"failure":null)"),
+            event(1, R"("goal":null,"feedback":null,"result":{"value":2},"failure":null)"),
+            event(2, R"("goal":{"value":101},"feedback":null,"result":null,"failure":null)"),
+            event(
+                2,
+                R"("goal":null,"feedback":null,"result":null,"failure":{"code":1,"execution":0,"reason":"too high"})"),
+        });
+    // The recording is played all the same: others of it.
+    names_test::system again;
+    again.start("theatre", "player", [&](node& in) {
+        bag::player_options how;
+        how.file = tmp.file("a.mcap");
+        CHECK_NOTHROW(std::make_shared<bag::player>(in, how));
+    });
 }
 
 TEST_CASE("the same voyage is recorded byte for byte the same", "[bag]") {

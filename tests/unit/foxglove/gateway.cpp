@@ -1,8 +1,16 @@
 // The gateway on the virtual world: a viewer, components that come and go, outages at either side.
 #include <components/foxglove_gateway/foxglove_gateway.hpp>
 
+#include <ise/bag/protobuf.hpp>
 #include <ise/component/live_parameters.hpp>
+#include <ise/component/served_calls.hpp>
+#include <ise/component/served_runs.hpp>
 #include <ise/core/little_endian.hpp>
+#include <ise/packet/dynamic.hpp>
+#include <ise/service/action.hpp>
+#include <ise/service/action_run.hpp>
+#include <ise/service/action_runs.hpp>
+#include <ise/service/dynamic.hpp>
 
 #include <support/catch.hpp>
 #include <unit/http/web_socket_client.hpp>
@@ -276,6 +284,79 @@ TEST_CASE("viewers call services, with protobuf and with JSON") {
     };
     REQUIRE(here.until(late, 20s));
     CHECK(here.status().calls == 3 + 3);
+}
+
+namespace {
+
+inline constexpr ise::action<number, number, number> climb{"climb"};
+
+class climber final : public ise::component {
+public:
+    explicit climber(std::shared_ptr<int> runs) : runs_(std::move(runs)) {}
+
+private:
+    ise::task<> run() override {
+        provide(climb, [this](number goal, ise::progress<number> report) { return up(goal, report); });
+        for (;;) co_await sleep(1h);
+    }
+    ise::task<number> up(number goal, ise::progress<number> report) {
+        ++*runs_;
+        number half{goal.value / 2};
+        co_await report(half);
+        co_return goal;
+    }
+    std::shared_ptr<int> runs_;
+};
+
+} // namespace
+
+TEST_CASE("viewers see the runs of actions whose components show them, and start none") {
+    gateway_options options;
+    options.viewer.depth = 16; // more than come at once
+    coast here(options);
+    auto runs = std::make_shared<int>(0);
+    for (std::string host : {"mast", "tree"}) {
+        auto begin = [host, runs](ise::sim::process& env) {
+            auto made = std::make_shared<program>(env, names_test::node_options());
+            made->node.start<climber>("atirma/" + host, everywhere(), runs);
+            return made;
+        };
+        here.in.world.host(host).start_process(
+            host, begin,
+            {{"ISE_NAME_SERVER", "tcp://" + here.in.world.host("ns").address() + ":7400"},
+             {ise::record_calls_variable, host == "mast" ? "1" : "0"}});
+    }
+    auto& viewer = here.watch();
+    REQUIRE(here.until([&] { return viewer.has_channel("atirma/mast/climb"); }));
+    CHECK(viewer.channels.at("atirma/mast/climb")["schemaName"] == "ise.run_event");
+    viewer.subscribe(3, "atirma/mast/climb");
+    here.in.world.run_for(10s);
+    CHECK(viewer.data().empty());
+    CHECK(*runs == 0);
+    CHECK_FALSE(viewer.has_channel("atirma/tree/climb")); // shows none
+    here.in.start_body("shore", "climbs", [](ise::component& self) -> ise::task<> {
+        auto mast = co_await self.find("atirma/mast");
+        number goal{8};
+        auto run = co_await mast.start(climb, goal);
+        [[maybe_unused]] auto outcome = co_await run.try_result();
+    });
+    REQUIRE(here.until([&] { return viewer.data().size() == 3; }));
+    ise::bag::protobuf_type type(ise::schema_of_runs(ise::dynamic_contract::of(climb)));
+    std::vector<std::string> seen;
+    for (const auto& one : viewer.data()) {
+        CHECK(watching::age(one) < 200ms);
+        auto fields = type.decode_fields(ise::as_bytes(std::string_view(one.payload).substr(13)), {}).value();
+        auto text = ise::dynamic_packet(type.of(), std::move(fields)).to_json();
+        auto address = text.find(" (");
+        seen.push_back(text.substr(0, address) + text.substr(text.find(')', address) + 1));
+    }
+    CHECK(
+        seen ==
+        std::vector<std::string>{
+            R"({"run":1,"requester":"test/climbs","goal":{"value":8},"feedback":null,"result":null,"failure":null})",
+            R"({"run":1,"requester":"test/climbs","goal":null,"feedback":{"value":4},"result":null,"failure":null})",
+            R"({"run":1,"requester":"test/climbs","goal":null,"feedback":null,"result":{"value":8},"failure":null})"});
+    CHECK(*runs == 1);
 }
 
 TEST_CASE("what viewers publish is a subscription of the gateway") {
