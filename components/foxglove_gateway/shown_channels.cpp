@@ -90,7 +90,7 @@ private:
 
 } // namespace
 
-// --- coming and going -------------------------------------------------------------------------------------------------
+// --- coming and going ------------------------------------------------------------------------------------------------
 
 void shown_channels::add_channel(source& from, std::string topic, schema_info schema) {
     auto made = std::make_unique<channel>();
@@ -170,7 +170,7 @@ std::shared_ptr<const std::string> shown_channels::list() {
     return list_;
 }
 
-// --- packets ----------------------------------------------------------------------------------------------------------
+// --- packets ---------------------------------------------------------------------------------------------------------
 
 void shown_channels::want(const std::shared_ptr<source>& from) {
     from->wanted = true;
@@ -279,7 +279,7 @@ void shown_channels::publish(channel& on, wall_time at, std::string payload) {
     for (auto* to : on.subscribers) to->of->offer(*to, made);
 }
 
-// --- viewers ----------------------------------------------------------------------------------------------------------
+// --- viewers ---------------------------------------------------------------------------------------------------------
 
 void shown_channels::take(const std::shared_ptr<viewer>& who, const subscribe_message& asked) {
     for (const auto& one : asked.subscriptions) {

@@ -168,14 +168,14 @@ std::string without_address(std::string text) {
 /// Climbs to the goal by reports of each step; to none above 100.
 class climber final : public component {
     task<> run() override {
-        provide(climb, [this](number goal, progress<number> report) { return up(goal, report); });
+        provide(climb, [this](number goal, progress<number> tell) { return up(goal, tell); });
         for (;;) co_await sleep(1h);
     }
-    task<number> up(number goal, progress<number> report) {
+    task<number> up(number goal, progress<number> tell) {
         if (goal.value > 100) throw error(errc::refused, "too high");
         for (number step{1}; step.value <= goal.value; ++step.value) {
             co_await sleep(100ms);
-            co_await report(step);
+            co_await tell(step);
         }
         co_return goal;
     }

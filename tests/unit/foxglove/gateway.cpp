@@ -296,13 +296,13 @@ public:
 
 private:
     ise::task<> run() override {
-        provide(climb, [this](number goal, ise::progress<number> report) { return up(goal, report); });
+        provide(climb, [this](number goal, ise::progress<number> tell) { return up(goal, tell); });
         for (;;) co_await sleep(1h);
     }
-    ise::task<number> up(number goal, ise::progress<number> report) {
+    ise::task<number> up(number goal, ise::progress<number> tell) {
         ++*runs_;
         number half{goal.value / 2};
-        co_await report(half);
+        co_await tell(half);
         co_return goal;
     }
     std::shared_ptr<int> runs_;

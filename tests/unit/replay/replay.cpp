@@ -175,18 +175,18 @@ TEST_CASE("a component does in a replay what it did in the recording, to the nan
 namespace {
 
 /// What a recording has of a topic: when, and what.
-struct recorded {
+struct kept_message {
     bag::message_record message;
     bytes packet;
 };
 
-std::vector<recorded> messages_of(const std::string& file, const std::string& topic) {
+std::vector<kept_message> messages_of(const std::string& file, const std::string& topic) {
     auto opened = bag::open_file(file).value();
     auto about = bag::read_summary(*opened).value();
     bag::message_filter filter;
     filter.wanted = [&](const bag::channel_record& channel) { return channel.topic == topic; };
     bag::message_reader all(*opened, about, filter);
-    std::vector<recorded> made;
+    std::vector<kept_message> made;
     for (;;) {
         auto next = all.next().value();
         if (!next) return made;

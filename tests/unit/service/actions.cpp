@@ -663,8 +663,8 @@ ise::task<> use_in_report(ise::remote boat, shared_report into) {
 
 } // namespace
 
-// rclcpp#1757: the result of an action that was quick was never delivered. icey#15: goals in a chain blocked each other,
-// and what came before the result was asked for was lost.
+// rclcpp#1757: the result of an action that was quick was never delivered. icey#15: goals in a chain blocked each
+// other, and what came before the result was asked for was lost.
 TEST_CASE("story: an outcome that comes at once is not lost, and the next goal may begin where it is handled") {
     for (std::uint64_t seed = 1; seed <= 20; ++seed) {
         INFO("seed " << seed);
