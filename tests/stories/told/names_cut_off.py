@@ -48,13 +48,12 @@ def tell(world: World):
     now = servers.listed(0)
     world.expect(servers.all_list(now | stay), "the three name servers do not list the same names after the cut")
 
-    # A name server that answers renewals too late.
-    others = ("b", "c", "boat", "shore")
-    for other in others:
-        world.way("a", other, delay_ms=400)
+    # A name server that answers renewals too late. Its etcd is not slow: that is another fault (docs/names.md, limits).
+    for client in ("boat", "shore"):
+        world.way("a", client, delay_ms=400)
     world.sleep(8)
-    for other in others:
-        world.way("a", other, delay_ms=0)
+    for client in ("boat", "shore"):
+        world.way("a", client, delay_ms=0)
     world.expect(servers.all_list(now), "a name was lost, or granted anew, while a name server was slow")
 
     # Two stand still for longer than the leases in the store, and find all of theirs overdue.
