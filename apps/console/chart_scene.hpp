@@ -25,7 +25,7 @@ struct other_boat {
     waypoint at;
 };
 
-/// What the chart shows: one boat with its track and waypoints, and where the others of its fleet are.
+/// The content of the chart: one boat with its track and waypoints, and the places of the other boats of its fleet.
 struct chart_scene {
     std::shared_ptr<const snapshot> seen; ///< null until the first snapshot
     utc_time now{};

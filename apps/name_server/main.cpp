@@ -83,7 +83,7 @@ std::shared_ptr<ise::server_memory> memory_of(const settings& wanted, ise::envir
     return nullptr;
 }
 
-// What authenticates members over TLS.
+// The authorities for members over TLS, and the certificate of this side; null without TLS.
 std::shared_ptr<ise::net::tls::identity> store_identity(const settings& wanted, ise::environment& env, bool over_tls) {
     const auto& files = wanted.store_tls;
     if (over_tls && files.authorities.empty())

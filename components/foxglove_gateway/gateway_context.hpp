@@ -47,7 +47,7 @@ private:
     log_limiter quiet_;
 };
 
-/// What tells two schemas apart.
+/// A key that is different for different schemas.
 std::string identity_of(const schema_info& of);
 
 } // namespace ise::foxglove

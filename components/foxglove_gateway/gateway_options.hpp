@@ -12,7 +12,7 @@
 
 namespace ise::foxglove {
 
-/// What viewers see and may do. By default they look only, from this host.
+/// The rights of viewers, and what is shown to them. By default they only read, and only from this host.
 struct gateway_options : service_selection {
     std::string address = "127.0.0.1"; ///< numeric, to listen on
     std::uint16_t port = 8765;         ///< 0: the system chooses

@@ -32,7 +32,7 @@ struct shown_channels::channel {
     std::shared_ptr<const channel_message> last;
     std::vector<viewer::subscription*> subscribers;
 
-    /// What viewers see of an error in its subscription.
+    /// The status that viewers get for an error in its subscription.
     std::string condition(const std::string& problem) const {
         auto id = "subscription:" + info.topic;
         if (problem.empty()) return write_status_removed(id);

@@ -35,7 +35,7 @@ public:
     void announce();
     bool has(const std::string& path, const std::string& service) const; ///< a channel of that service
     std::size_t size() const noexcept { return channels_.size(); }
-    std::shared_ptr<const std::string> list(); ///< all, as a viewer is told at first
+    std::shared_ptr<const std::string> list(); ///< the message with all of them, for a new viewer
 
     void take(const std::shared_ptr<viewer>& who, const subscribe_message& asked);
     void take(const std::shared_ptr<viewer>& who, const unsubscribe_message& asked);

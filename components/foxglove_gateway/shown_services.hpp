@@ -26,7 +26,7 @@ public:
     void remove(const std::string& path, const std::string& service);
     /// Tells viewers what was added and removed since the last time.
     void announce();
-    std::shared_ptr<const std::string> list(); ///< all, as a viewer is told at first
+    std::shared_ptr<const std::string> list(); ///< the message with all of them, for a new viewer
 
     void take(const std::shared_ptr<viewer>& who, call_message& asked);
 
