@@ -181,6 +181,14 @@ def machine():
             "date": datetime.datetime.now(datetime.timezone.utc).date().isoformat()}
 
 
+def command_line(name):
+    """How the script `name` was called, without the file for its JSON: where that is kept says nothing."""
+    words = sys.argv[1:]
+    if "--json" in words:
+        del words[words.index("--json"):words.index("--json") + 2]
+    return " ".join([name, *words])
+
+
 def build(*targets):
     """The release build of the targets; for peers what is missing is installed before, or told of."""
     subprocess.run([str(ROOT / "cmake" / "install-packages"), "build"], check=True, stdout=sys.stderr)
