@@ -1,4 +1,4 @@
-# Manual pages of the Debian packages: each program's --help. Included after all programs.
+# Manual pages of the Debian packages: each program's and each command's --help. Included after all programs.
 find_program(HELP2MAN help2man)
 find_program(GZIP gzip)
 if(HELP2MAN AND GZIP AND NOT CMAKE_CROSSCOMPILING)
@@ -10,16 +10,14 @@ if(HELP2MAN AND GZIP AND NOT CMAKE_CROSSCOMPILING)
     endif()
     get_target_property(component ${program} ISE_PACKAGE)
     get_target_property(description ${program} ISE_DESCRIPTION)
-    set(page "${PROJECT_BINARY_DIR}/package/man/${name}.1")
-    add_custom_command(OUTPUT "${page}.gz"
-      COMMAND "${CMAKE_COMMAND}" -E make_directory "${PROJECT_BINARY_DIR}/package/man"
-      COMMAND "${HELP2MAN}" --no-info --name "${description}" --output "${page}" $<TARGET_FILE:${program}>
-      COMMAND "${GZIP}" --best --no-name --force "${page}"
-      DEPENDS ${program} VERBATIM)
-    list(APPEND pages "${page}.gz")
-    install(FILES "${page}.gz" DESTINATION "${CMAKE_INSTALL_MANDIR}/man1" COMPONENT ${component} EXCLUDE_FROM_ALL)
+    set(pages "${PROJECT_BINARY_DIR}/package/man/${name}")
+    add_custom_command(OUTPUT "${pages}/${name}.1.gz"
+      COMMAND "${CMAKE_CURRENT_LIST_DIR}/manual-pages" "$<TARGET_FILE:${program}>" "${description}" "${pages}"
+      DEPENDS ${program} "${CMAKE_CURRENT_LIST_DIR}/manual-pages" VERBATIM)
+    list(APPEND all_pages "${pages}/${name}.1.gz")
+    install(DIRECTORY "${pages}/" DESTINATION "${CMAKE_INSTALL_MANDIR}/man1" COMPONENT ${component} EXCLUDE_FROM_ALL)
   endforeach()
-  add_custom_target(manual_pages ALL DEPENDS ${pages})
+  add_custom_target(manual_pages ALL DEPENDS ${all_pages})
 else()
   message(STATUS "no manual pages: help2man is missing")
 endif()
