@@ -175,7 +175,6 @@ iridium_details::iridium_details(QWidget* parent) : link_details(parent) {
 
 void iridium_details::show_link(const link_view& link, utc_time now) {
     if (!link.account) return;
-    const auto& t = colours();
     const auto& a = *link.account;
     session_->setText(ago(a.last_session_at, now) + old_mark(link, now));
     place_->setText(a.estimate_cep_km ? tr("within %1 km").arg(*a.estimate_cep_km, 0, 'g', 2) : QStringLiteral("–"));

@@ -112,19 +112,19 @@ void declare_record(CLI::App& app, parsed_command& made) {
     add_each(app, "--attach", given->attached, "a file that is attached to each recording; may be given several times",
              "FILE");
     app.callback([&made, given] {
-        auto& what = given->what;
-        for (const auto& path : what.paths) check_prefix(path);
-        if (what.ring > duration{} && what.triggers.empty())
+        auto& settings = given->what;
+        for (const auto& path : settings.paths) check_prefix(path);
+        if (settings.ring > duration{} && settings.triggers.empty())
             throw problem(exit_code::usage, "usage", "--ring takes at least one --trigger",
                           "or start the component type recorder, whose service 'trigger' writes its ring");
-        if (what.ring == duration{} && !what.triggers.empty())
+        if (settings.ring == duration{} && !settings.triggers.empty())
             throw problem(exit_code::usage, "usage", "--trigger takes --ring: the time that is kept until then");
-        if (given->lossless) what.policy = overflow::lossless;
-        what.calls = !given->no_calls;
-        what.parameters = !given->no_parameters;
-        what.files.format.packing = given->packing == "zstd"  ? bag::compression::zstd
-                                    : given->packing == "lz4" ? bag::compression::lz4
-                                                              : bag::compression::none;
+        if (given->lossless) settings.policy = overflow::lossless;
+        settings.calls = !given->no_calls;
+        settings.parameters = !given->no_parameters;
+        settings.files.format.packing = given->packing == "zstd"  ? bag::compression::zstd
+                                        : given->packing == "lz4" ? bag::compression::lz4
+                                                                  : bag::compression::none;
         made.endless = true;
         made.looks = true;
         made.work = [given](context& in) { return record(in, *given); };

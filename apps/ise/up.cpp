@@ -45,9 +45,9 @@ task<prepared> prepare(context& in, deployment_options options, bool settled) {
 }
 
 std::string show_deployment(const deployment::deployment& of, const char* word, std::size_t components,
-                            std::size_t steps, bool json) {
+                            std::size_t steps, bool as_json) {
     deployment_summary result{of.name.text, word, components, steps};
-    if (json) return json_line(result);
+    if (as_json) return json_line(result);
     auto done = steps == 0 ? std::string("nothing to do") : fmt::format("{} step{}", steps, steps == 1 ? "" : "s");
     return fmt::format("{} is {}: {} component{}, {}\n", of.name.text, word, components, components == 1 ? "" : "s",
                        done);

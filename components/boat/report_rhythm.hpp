@@ -46,13 +46,13 @@ public:
 
 private:
     static constexpr std::size_t kept = 5; // intervals: their median outlives a gap, and a report on request
-    struct pace {
+    struct pace_of_link {
         double told_s = 0; ///< 0: not known, or off
         std::optional<utc_time> last;
         std::array<double, kept> seen_s{};
         std::size_t seen = 0; ///< counts on; the last `kept` are kept
     };
-    std::array<pace, link_count> links_;
+    std::array<pace_of_link, link_count> links_;
 };
 
 } // namespace atirma

@@ -139,11 +139,11 @@ void postgres_store::greeted(const postgres_rows& rows) {
                               store_lives::most),
                   {std::to_string(boat_)}, [this, went_back](ise::result<postgres_rows> lives) {
                       if (!lives) return client_.drop(lives.error());
-                      for (const auto& row : *lives) {
+                      for (const auto& former_life : *lives) {
                           auto& life = lives_.over.emplace_back();
-                          life.store = number_of(row, 0);
-                          life.packets = number_of(row, 1);
-                          life.commands = number_of(row, 2);
+                          life.store = number_of(former_life, 0);
+                          life.packets = number_of(former_life, 1);
+                          life.commands = number_of(former_life, 2);
                       }
                       ready_ = true;
                       if (on_opened_) return remember();
@@ -345,10 +345,10 @@ void postgres_store::begin(const command_record& record, std::uint32_t epoch, th
         if (!made || !made->authority) return done(std::move(made));
         // Only its mark came: the state follows.
         ask<begun>(authority_query, {boat}, std::move(done), [this](const postgres_rows& rows) {
-            begun other;
-            other.authority = authority_in(rows).value_or(change_of_authority());
-            authority_ = {other.authority->first.epoch, other.authority->second};
-            return other;
+            begun outcome;
+            outcome.authority = authority_in(rows).value_or(change_of_authority());
+            authority_ = {outcome.authority->first.epoch, outcome.authority->second};
+            return outcome;
         });
     };
     ask<begun>("SELECT outcome, known FROM atirma.begin_command($1, $2, $3, $4, $5, $6, $7, $8)",

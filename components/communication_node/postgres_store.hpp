@@ -48,7 +48,7 @@ public:
     void put(const change_of_authority& state, const std::pair<std::uint32_t, std::uint64_t>& before,
              then<std::optional<change_of_authority>> done) override;
     void tend(std::uint64_t keep_packets, std::uint64_t keep_commands, then<std::int64_t> done) override;
-    void follow(news then) override { news_ = std::move(then); }
+    void follow(news follower) override { news_ = std::move(follower); }
 
 private:
     /// `use` makes the value from the rows; what it throws, or the failure, is what `done` gets.

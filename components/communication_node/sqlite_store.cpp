@@ -140,12 +140,12 @@ ise::result<void> sqlite_store::begin_life(std::uint64_t fresh_number) {
     auto own = own_;
     own.begin(number);
     auto origin = origin_ != 0 ? origin_ : number;
-    auto begun = together(*db_, [&] {
+    auto written = together(*db_, [&] {
         if (!own.over.empty()) note_life(*db_, own.over.front(), false);
         note(*db_, "store", origin);
         note(*db_, "life", number);
     });
-    if (!begun) return begun;
+    if (!written) return written;
     own_ = std::move(own);
     origin_ = origin;
     return {};
@@ -290,8 +290,8 @@ ise::result<replication_page> sqlite_store::page_after(std::uint64_t asker, std:
     });
 }
 
-ise::result<std::uint32_t> sqlite_store::apply(const replication_page& page, std::span<const command_record> news,
-                                               bool authority_is_news) {
+ise::result<std::uint32_t> sqlite_store::apply(const replication_page& page,
+                                               std::span<const command_record> new_commands, bool authority_is_news) {
     auto out_of_step = [](std::string why) { throw ise::error(ise::errc::protocol_error, std::move(why)); };
     auto own = own_.now;
     auto peer = peer_;
@@ -323,7 +323,7 @@ ise::result<std::uint32_t> sqlite_store::apply(const replication_page& page, std
                 ++own.packets;
             }
         }
-        for (const auto& record : news) records_.put(record, ++own.commands);
+        for (const auto& record : new_commands) records_.put(record, ++own.commands);
         known.commands = std::max(known.commands, page.commands_up_to);
         if (authority_is_news) records_.put(page.authority, page.authority_change);
         note(*db_, "peer", known.store);

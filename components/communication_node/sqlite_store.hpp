@@ -67,7 +67,7 @@ public:
     /// Takes a page of the other node, and says which of its telecommands are news: all of it, or nothing. Knowledge of
     /// its store beyond `page.after` is forgotten. Gives how many packets were fresh. Errors: also protocol_error (the
     /// page does not follow what is known).
-    ise::result<std::uint32_t> apply(const replication_page& page, std::span<const command_record> news,
+    ise::result<std::uint32_t> apply(const replication_page& page, std::span<const command_record> new_commands,
                                      bool authority_is_news);
 
     /// Removes all but the newest packets and decided telecommands, a few thousand at a time; how many it were.

@@ -426,12 +426,12 @@ private:
     std::deque<statement> waiting_;
 };
 
-postgres_client::postgres_client(ise::loop& on, const std::string& url, events then) {
+postgres_client::postgres_client(ise::loop& on, const std::string& url, events handler) {
     if (on.env().is_virtual())
         throw ise::error(ise::errc::invalid_argument,
                          "a store on PostgreSQL needs the real world; in the virtual one use memory:NAME");
     check_postgres_url(url).value();
-    state_ = std::make_shared<state>(on, url, std::move(then));
+    state_ = std::make_shared<state>(on, url, std::move(handler));
 }
 postgres_client::~postgres_client() { state_->end(); }
 

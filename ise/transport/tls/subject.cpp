@@ -14,7 +14,7 @@
 namespace ise::net::tls {
 namespace {
 
-constexpr std::string_view scheme = "ise://";
+constexpr std::string_view identity_scheme = "ise://";
 
 std::string text_of(const ASN1_INTEGER& serial) {
     std::unique_ptr<BIGNUM, decltype(&BN_free)> number(ASN1_INTEGER_to_BN(&serial, nullptr), BN_free);
@@ -63,7 +63,7 @@ result<subject> subject_of(x509_st& certificate) {
         return failure(
             errc::unauthorized,
             fmt::format("its certificate has {} URIs, and so {} identities: one is allowed", identities, identities));
-    if (!std::string_view(identity).starts_with(scheme)) return made;
+    if (!std::string_view(identity).starts_with(identity_scheme)) return made;
     if (auto good = access::check_identity(identity); !good)
         return failure(errc::unauthorized, "its certificate: " + good.error().message());
     made.identity = std::move(identity);

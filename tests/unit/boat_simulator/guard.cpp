@@ -86,7 +86,7 @@ struct guarded_boat {
 TEST_CASE("guard: no heading leads the boat over its fence, in any wind") {
     std::mt19937 random(21);
     for (int run = 0; run < 16; ++run) {
-        double wind_from = random() % 360, heading = random() % 360;
+        auto wind_from = static_cast<double>(random() % 360), heading = static_cast<double>(random() % 360);
         auto limits = square(open_sea, 400);
         guarded_boat it(limits, wind_from, open_sea, heading);
         it.boat_limits = limits;

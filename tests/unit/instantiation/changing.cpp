@@ -91,16 +91,16 @@ public:
 
     template <class Contract>
     outcome<Contract> ask(const Contract& service, typename Contract::request_type request) {
-        auto outcome = std::make_shared<std::optional<ise::result<typename Contract::response_type>>>();
+        auto answer = std::make_shared<std::optional<ise::result<typename Contract::response_type>>>();
         system.start("shore", "client", [&](ise::node& node) {
-            node.start("", [outcome, request, &service](ise::component& self) -> ise::task<> {
+            node.start("", [answer, request, &service](ise::component& self) -> ise::task<> {
                 auto its = self.at("ise/host/shore");
                 auto copy = request;
                 auto got = co_await its.try_call(service, std::move(copy), 5min);
-                outcome->emplace(std::move(got));
+                answer->emplace(std::move(got));
             });
         });
-        return outcome;
+        return answer;
     }
     template <class Contract>
     ise::result<typename Contract::response_type> call(const Contract& service,

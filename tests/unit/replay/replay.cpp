@@ -113,11 +113,11 @@ void record_voyage(const std::string& file, fault what = fault::none, restarted 
         on.start(
             "atirma/console",
             [](component& self) -> task<> {
-                auto who = co_await self.find("atirma/navigator");
+                auto navigator_there = co_await self.find("atirma/navigator");
                 for (std::int64_t n = 0;; ++n) {
                     co_await self.sleep(700ms);
                     number ask{n};
-                    [[maybe_unused]] auto answered = co_await who.try_call(sum, ask);
+                    [[maybe_unused]] auto answered = co_await navigator_there.try_call(sum, ask);
                 }
             },
             everywhere());

@@ -383,7 +383,7 @@ TEST_CASE("seal store: another key begins a session of its own, and counters of 
 namespace {
 
 /// The boat says something, the shore answers, until nothing is left to say.
-void talk(boat_links& boat, shore_link& shore, ise::time_point& now) {
+void talk(boat_links& boat, shore_link& shore, ise::time_point& clock) {
     acknowledgement said;
     said.id = 9;
     for (int i = 0; i < 3; ++i) {
@@ -391,7 +391,7 @@ void talk(boat_links& boat, shore_link& shore, ise::time_point& now) {
         for (int step = 0; step < 3; ++step) {
             auto question = shore.take_question();
             if (!question.empty()) (void)boat.open(radio, question);
-            auto notice = boat.take_notice(radio, now += 10s, 5s);
+            auto notice = boat.take_notice(radio, clock += 10s, 5s);
             if (!notice.empty()) (void)shore.open(notice);
         }
     }
