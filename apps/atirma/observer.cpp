@@ -2,6 +2,7 @@
 
 #include <components/boat/find_component.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 #include <fmt/format.h>
 

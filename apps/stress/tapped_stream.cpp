@@ -1,5 +1,7 @@
 #include "tapped_stream.hpp"
 
+#include <asio/buffer.hpp>
+
 #include <algorithm>
 
 namespace atirma::stress {

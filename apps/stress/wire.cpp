@@ -1,5 +1,6 @@
 #include "wire.hpp"
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 
 #include <array>

@@ -1,6 +1,8 @@
 #include "collector.hpp"
 #include "programs.hpp"
 
+#include <ise/asio.hpp>
+
 #include <stdexcept>
 
 namespace bench {

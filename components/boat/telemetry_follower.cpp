@@ -1,5 +1,6 @@
 #include <components/boat/telemetry_follower.hpp>
 
+#include <ise/asio.hpp>
 #include <ise/component/discover.hpp>
 
 namespace atirma {

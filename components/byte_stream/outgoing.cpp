@@ -1,5 +1,6 @@
 #include <components/byte_stream/outgoing.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 
 namespace atirma {

@@ -2,6 +2,7 @@
 
 #include <ise/core/sleep.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 #include <fmt/format.h>
 

@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/component/introspection.hpp>
 #include <ise/component/parameter.hpp>
 #include <ise/core/bytes.hpp>
 #include <ise/core/result.hpp>

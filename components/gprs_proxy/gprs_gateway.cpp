@@ -7,6 +7,7 @@
 #include <ise/net/connect.hpp>
 #include <ise/service/service_host.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 #include <fmt/format.h>
 

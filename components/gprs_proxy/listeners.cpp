@@ -3,6 +3,7 @@
 #include <ise/core/sleep.hpp>
 #include <ise/net/bounded_acceptor.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 #include <fmt/format.h>
 

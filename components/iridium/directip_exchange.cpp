@@ -5,6 +5,7 @@
 
 #include <ise/net/connect.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 #include <fmt/format.h>
 

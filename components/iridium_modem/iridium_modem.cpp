@@ -2,6 +2,8 @@
 
 #include <components/boat/find_component.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>

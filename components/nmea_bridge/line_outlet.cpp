@@ -1,5 +1,6 @@
 #include <components/nmea_bridge/line_outlet.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 
 #include <algorithm>

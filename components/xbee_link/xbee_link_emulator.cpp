@@ -3,6 +3,8 @@
 #include <components/boat/find_component.hpp>
 #include <components/boat_simulator/services.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>

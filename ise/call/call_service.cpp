@@ -3,6 +3,7 @@
 #include <ise/call/waiting_calls.hpp>
 #include <ise/session/service_runtime.hpp>
 
+#include <asio/any_io_executor.hpp>
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -4,6 +4,7 @@
 #include <ise/core/executor.hpp>
 #include <ise/core/loop_executor.hpp>
 
+#include <asio/any_io_executor.hpp>
 #include <fmt/format.h>
 
 #include <utility>

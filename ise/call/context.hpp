@@ -1,9 +1,8 @@
 #pragma once
+#include <ise/core/asio_names.hpp>
 #include <ise/core/time.hpp>
 #include <ise/core/trace_id.hpp>
 #include <ise/core/verified_peer.hpp>
-
-#include <asio/any_io_executor.hpp>
 
 #include <cstdint>
 #include <string>

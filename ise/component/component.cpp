@@ -3,6 +3,7 @@
 #include <ise/component/component_runner.hpp>
 #include <ise/service/session.hpp>
 
+#include <asio/any_io_executor.hpp>
 #include <asio/error.hpp>
 #include <asio/post.hpp>
 
@@ -26,7 +27,7 @@ component::~component() = default;
 const std::string& component::path() const noexcept { return runner_->path(); }
 environment& component::env() const noexcept { return runner_->env(); }
 loop& component::on() const noexcept { return runner_->on(); }
-asio::any_io_executor component::get_executor() const { return started(runner_).on().get_executor(); }
+const asio::any_io_executor& component::get_executor() const { return started(runner_).on().get_executor(); }
 const logger& component::log() const noexcept { return runner_->log(); }
 component_state component::state() const noexcept { return runner_ ? runner_->state() : component_state::starting; }
 service_host& component::services() const noexcept { return runner_->services(); }

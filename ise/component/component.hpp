@@ -1,6 +1,5 @@
 #pragma once
 #include <ise/call/provide.hpp>
-#include <ise/component/introspection.hpp>
 #include <ise/component/runnable.hpp>
 #include <ise/core/blocking_outcome.hpp>
 #include <ise/core/environment.hpp>
@@ -126,8 +125,8 @@ public:
     environment& env() const noexcept;
     /// Its event loop. Available after the start, like all functions below.
     loop& on() const noexcept;
-    /// The executor of its loop, for Asio's own operations.
-    asio::any_io_executor get_executor() const;
+    /// The executor of its loop, for Asio's own operations (<ise/asio.hpp>). It lives until the component has stopped.
+    const asio::any_io_executor& get_executor() const;
     /// A logger that adds its path, and writes to the sink of its node.
     const logger& log() const noexcept;
     /// Its present state. Call it on its loop; other threads use `node::components()`.

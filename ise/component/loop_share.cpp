@@ -3,6 +3,7 @@
 #include <ise/core/error.hpp>
 #include <ise/core/executor.hpp>
 
+#include <asio/any_io_executor.hpp>
 #include <asio/io_context.hpp>
 #include <asio/packaged_task.hpp>
 #include <asio/post.hpp>

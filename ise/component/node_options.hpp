@@ -1,11 +1,10 @@
 #pragma once
+#include <ise/component/program_executor.hpp>
 #include <ise/core/endpoint.hpp>
 #include <ise/core/log.hpp>
 #include <ise/core/time.hpp>
 #include <ise/session/service_options.hpp>
 #include <ise/transport/security.hpp>
-
-#include <asio/any_io_executor.hpp>
 
 #include <chrono>
 #include <cstdint>
@@ -69,7 +68,7 @@ struct component_options {
     on_failure policy = on_failure::stop_component; ///< when an exception escapes from it
     /// An executor of the embedding program, run by any number of threads until the component has stopped
     /// (`node::stopped()`). `one_thread` guarantees that nothing on it runs concurrently, and saves the strand.
-    std::optional<asio::any_io_executor> executor;
+    program_executor executor;
     bool one_thread = false; ///< see `executor`
     /// Shares the loop of another component of this node, by path.
     std::string together_with;

@@ -1,7 +1,9 @@
 #pragma once
+#include <ise/core/asio_configuration.hpp>
 #include <ise/core/frame_pool.hpp>
 #include <ise/core/task.hpp>
 
+#include <asio/any_io_executor.hpp>
 #include <asio/associated_cancellation_slot.hpp>
 #include <asio/associated_executor.hpp>
 #include <asio/async_result.hpp>
@@ -24,7 +26,7 @@ class run_stack final : public async_stack {
 
 public:
     run_stack(const asio::any_io_executor& on, task<T> bottom, Handler handler)
-        : async_stack(on), bottom_(std::move(bottom)), handler_(std::move(handler)), work_(on),
+        : async_stack(on_), on_(on), bottom_(std::move(bottom)), handler_(std::move(handler)), work_(on),
           handler_work_(asio::get_associated_executor(handler_, on)),
           slot_(asio::get_associated_cancellation_slot(handler_)) {
         begin(bottom_);
@@ -68,7 +70,7 @@ private:
                 auto taken = std::move(handler);
                 std::apply([&](auto&... one) { taken(thrown, std::move(one)...); }, came);
             };
-            auto on = executor(); // its work, until the handler has run
+            auto on = std::move(on_); // its work, until the handler has run
             auto work_here = std::move(work_);
             delete this;
             asio::dispatch(back, std::move(done));
@@ -97,6 +99,7 @@ private:
         delete this;
     }
 
+    asio::any_io_executor on_;
     task<T> bottom_;
     Handler handler_;
     asio::executor_work_guard<asio::any_io_executor> work_;

@@ -1,8 +1,6 @@
 #pragma once
-#include <ise/core/asio_configuration.hpp>
+#include <ise/core/asio_names.hpp>
 #include <ise/core/trace_id.hpp>
-
-#include <asio/any_io_executor.hpp>
 
 #include <coroutine>
 #include <cstdint>
@@ -62,7 +60,7 @@ public:
     async_stack(const async_stack&) = delete;
     async_stack& operator=(const async_stack&) = delete;
 
-    const asio::any_io_executor& executor() const noexcept { return executor_; }
+    const asio::any_io_executor& executor() const noexcept { return *executor_; }
 
     /// Ends what its top coroutine waits for, and lets every later `co_await` throw `operation_aborted`.
     void cancel();
@@ -97,7 +95,8 @@ public:
     class query {};
 
 protected:
-    explicit async_stack(asio::any_io_executor executor) noexcept : executor_(std::move(executor)) {}
+    /// The executor lives as long as the stack can be resumed.
+    explicit async_stack(const asio::any_io_executor& executor) noexcept : executor_(&executor) {}
     /// Whoever derives from it has destroyed its bottom coroutine.
     ~async_stack() = default;
 
@@ -131,7 +130,7 @@ private:
     phase phase_ = phase::suspended;
     bool cancelled_ = false;
     bool accepts_cancellation_ = true;
-    asio::any_io_executor executor_;
+    const asio::any_io_executor* executor_;
     detail::trace_place trace_;
 };
 
@@ -160,7 +159,7 @@ struct done {
 };
 
 struct executor_query : async_stack::query {
-    answer<asio::any_io_executor> of(const async_stack& stack) const { return {stack.executor()}; }
+    answer<const asio::any_io_executor&> of(const async_stack& stack) const noexcept { return {stack.executor()}; }
 };
 struct cancelled_query : async_stack::query {
     answer<bool> of(const async_stack& stack) const noexcept { return {stack.cancelled()}; }
@@ -176,7 +175,8 @@ struct accepting_query : async_stack::query {
 
 } // namespace detail
 
-/// `co_await ise::this_task::executor`: where it runs, with the context of the call that it handles.
+/// `co_await ise::this_task::executor`: where it runs, with the context of the call that it handles. Copy it to keep it
+/// for longer than the task. Using it needs <ise/asio.hpp>.
 inline constexpr detail::executor_query executor{};
 /// `co_await ise::this_task::cancelled`: whether it was cancelled since it began or last forgot it.
 inline constexpr detail::cancelled_query cancelled{};

@@ -1,11 +1,10 @@
 #pragma once
+#include <ise/core/asio_names.hpp>
 #include <ise/core/endpoint.hpp>
 #include <ise/core/result.hpp>
 #include <ise/core/stream.hpp>
 #include <ise/core/task.hpp>
 #include <ise/core/time.hpp>
-
-#include <asio/any_io_executor.hpp>
 
 #include <cstdint>
 #include <functional>

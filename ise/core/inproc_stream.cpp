@@ -3,6 +3,7 @@
 #include <ise/core/object_stream.hpp>
 #include <ise/core/waiter.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 
 #include <algorithm>

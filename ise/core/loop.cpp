@@ -3,6 +3,7 @@
 #include <ise/core/executor.hpp>
 #include <ise/core/loop_executor.hpp>
 
+#include <asio/any_io_executor.hpp>
 #include <asio/post.hpp>
 
 #include <algorithm>
@@ -72,9 +73,9 @@ void timer::arm(time_point at) {
     loop_.insert(*this);
 }
 
-loop::loop(environment& environment, executor_type executor, std::function<bool()> running_here)
-    : environment_(environment), executor_(std::move(executor)), running_here_(std::move(running_here)),
-      gate_(std::make_shared<loop_gate>(*this)) {}
+loop::loop(environment& environment, const executor_type& executor, std::function<bool()> running_here)
+    : environment_(environment), executor_(std::make_unique<executor_type>(executor)),
+      running_here_(std::move(running_here)), gate_(std::make_shared<loop_gate>(*this)) {}
 
 loop::~loop() {
     *alive_ = false;
@@ -231,7 +232,7 @@ void loop::flush_soon(flushable& output) {
 
 void loop::post_turn() {
     if (std::exchange(turn_posted_, true)) return;
-    post_to(executor_, [this, alive = alive_] {
+    post_to(*executor_, [this, alive = alive_] {
         if (!*alive) return;
         turn in(*this);
     });

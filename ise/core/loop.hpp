@@ -1,10 +1,9 @@
 #pragma once
+#include <ise/core/asio_names.hpp>
 #include <ise/core/environment.hpp>
 #include <ise/core/suspended.hpp>
 #include <ise/core/time.hpp>
 #include <ise/core/unique_function.hpp>
-
-#include <asio/any_io_executor.hpp>
 
 #include <algorithm>
 #include <functional>
@@ -150,7 +149,7 @@ public:
     /// Room for a stored completion handler and its values, so that resuming allocates nothing.
     using ready_function = unique_function<void(), 144>;
 
-    loop(environment& environment, executor_type executor, std::function<bool()> running_here);
+    loop(environment& environment, const executor_type& executor, std::function<bool()> running_here);
     ~loop();
     loop(const loop&) = delete;
     loop& operator=(const loop&) = delete;
@@ -166,7 +165,7 @@ public:
         if (watcher_) watcher_->forget(what);
     }
 
-    const executor_type& get_executor() const noexcept { return executor_; }
+    const executor_type& get_executor() const noexcept { return *executor_; }
     ise::environment& env() noexcept { return environment_; }
 
     /// Monotonic time; read once per turn, and anew outside of turns.
@@ -250,7 +249,7 @@ private:
     void post_turn();
 
     environment& environment_;
-    executor_type executor_;
+    std::unique_ptr<const executor_type> executor_;
     std::function<bool()> running_here_;
     std::unique_ptr<alarm> alarm_;
     idle_watcher* watcher_ = nullptr;

@@ -1,10 +1,9 @@
 #pragma once
+#include <ise/core/asio_names.hpp>
 #include <ise/core/bytes.hpp>
 #include <ise/core/endpoint.hpp>
 #include <ise/core/error.hpp>
 #include <ise/core/task.hpp>
-
-#include <asio/buffer.hpp>
 
 #include <memory>
 #include <optional>

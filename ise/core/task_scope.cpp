@@ -2,6 +2,7 @@
 
 #include <ise/core/error.hpp>
 
+#include <asio/any_io_executor.hpp>
 #include <asio/error.hpp>
 #include <asio/executor_work_guard.hpp>
 #include <asio/post.hpp>
@@ -14,8 +15,8 @@ namespace ise {
 class task_scope::child final : public async_stack {
 public:
     child(task_scope& scope, std::string name, task<> body, const asio::any_io_executor& executor)
-        : async_stack(executor), place(scope.children_.size()), scope_(&scope), name_(std::move(name)),
-          body_(std::move(body)), work_(executor) {
+        : async_stack(on_), place(scope.children_.size()), scope_(&scope), name_(std::move(name)),
+          body_(std::move(body)), on_(executor), work_(executor) {
         begin(body_);
         scope.children_.push_back(this);
     }
@@ -49,6 +50,7 @@ private:
     task_scope* scope_;
     std::string name_;
     task<> body_;
+    asio::any_io_executor on_;
     asio::executor_work_guard<asio::any_io_executor> work_;
 };
 

@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/core/asio_names.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/core/task.hpp>
 #include <ise/core/waiter.hpp>

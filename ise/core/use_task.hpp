@@ -1,6 +1,8 @@
 #pragma once
+#include <ise/core/asio_configuration.hpp>
 #include <ise/core/task.hpp>
 
+#include <asio/any_io_executor.hpp>
 #include <asio/associated_executor.hpp>
 #include <asio/async_result.hpp>
 #include <asio/awaitable.hpp>

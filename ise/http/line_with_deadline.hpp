@@ -2,6 +2,8 @@
 #include <ise/core/loop.hpp>
 #include <ise/core/stream.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <cstddef>
 #include <functional>
 #include <memory>

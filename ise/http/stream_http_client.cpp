@@ -6,6 +6,7 @@
 #include <ise/core/url.hpp>
 #include <ise/net/connect.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 #include <fmt/format.h>
 

@@ -3,6 +3,7 @@
 #include <ise/net/connect.hpp>
 #include <ise/packet/detail/text_forms.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>

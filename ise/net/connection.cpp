@@ -5,6 +5,7 @@
 #include <ise/packet/codec.hpp>
 #include <ise/wire/body.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 #include <fmt/format.h>
 

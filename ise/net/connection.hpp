@@ -12,6 +12,8 @@
 #include <ise/wire/parser.hpp>
 #include <ise/wire/pieces.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <memory>
 #include <string>
 

@@ -9,6 +9,7 @@
 #include <ise/transport/tls/psk.hpp>
 #include <ise/wire/body.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 #include <fmt/format.h>
 

@@ -5,6 +5,8 @@
 #include <ise/transport/datagram_stream.hpp>
 #include <ise/wire/frame.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <algorithm>
 #include <array>
 #include <thread>

@@ -3,6 +3,8 @@
 #include <ise/core/limits.hpp>
 #include <ise/wire/pieces.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <algorithm>
 #include <cassert>
 #include <cstring>

@@ -1,6 +1,7 @@
 #include <ise/service/action_run.hpp>
 
 #include <ise/core/little_endian.hpp>
+#include <ise/session/service_runtime.hpp>
 
 #include <fmt/format.h>
 

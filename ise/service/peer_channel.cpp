@@ -6,6 +6,7 @@
 #include <ise/service/role_state.hpp>
 #include <ise/session/tracer.hpp>
 
+#include <asio/any_io_executor.hpp>
 #include <asio/post.hpp>
 #include <asio/system_executor.hpp>
 #include <fmt/format.h>

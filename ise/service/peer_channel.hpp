@@ -9,6 +9,8 @@
 #include <ise/service/session.hpp>
 #include <ise/service/use_book.hpp>
 
+#include <asio/any_io_executor.hpp>
+
 #include <list>
 #include <memory>
 #include <optional>

@@ -2,6 +2,8 @@
 
 #include <ise/service/peer_channel.hpp>
 
+#include <asio/any_io_executor.hpp>
+
 namespace ise {
 
 const std::string& remote::name() const noexcept { return link_->name(); }

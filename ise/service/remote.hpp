@@ -7,9 +7,6 @@
 #include <ise/session/contract.hpp>
 #include <ise/subscription/subscriber.hpp>
 
-#include <asio/associated_cancellation_slot.hpp>
-#include <asio/associated_executor.hpp>
-
 #include <exception>
 #include <memory>
 #include <optional>
@@ -97,13 +94,6 @@ inline constexpr bool is_request_itself<Request, First, Rest...> = std::is_same_
 
 template <class...>
 inline constexpr bool never = false;
-
-/// Cancels a call through the slot of a completion handler.
-struct slot_cancellation : call_cancellation {
-    void operator()(asio::cancellation_type kind) {
-        if (kind != asio::cancellation_type::none) cancel();
-    }
-};
 
 template <class T>
 inline constexpr bool is_result = false;
@@ -218,16 +208,14 @@ public:
     }
 
     /// The same with a completion token of signature `void(ise::result<Response>)`, such as a callback, which
-    /// runs on the component's loop.
+    /// runs on the component's loop. Needs <ise/asio.hpp>.
     template <class Contract, class Token>
     auto try_call(const Contract& service, typename Contract::request_type request, duration deadline,
                   Token&& token) const {
-        using response = typename Contract::response_type;
-        return asio::async_initiate<Token, void(result<response>)>(
-            [](auto handler, const std::shared_ptr<peer_channel>& to, service_key key,
-               typename Contract::request_type packet,
-               duration limit) { start<response>(std::move(handler), to, key, packet, limit); },
-            token, link_, service.key(), std::move(request), deadline);
+        using edge = detail::asio_edge<std::remove_cvref_t<Token>>;
+        static_assert(
+            requires { sizeof(edge); }, "ise: to call with a completion token, include <ise/asio.hpp>");
+        return edge::call(link_, service, std::move(request), deadline, std::forward<Token>(token));
     }
 
     /// Subscribes, and completes when the provider has committed: every packet that it publishes from then on arrives
@@ -281,22 +269,6 @@ public:
     task<result<void>> connect(duration deadline) const;
 
 private:
-    template <class Response, class Handler, class Request>
-    static void start(Handler handler, const std::shared_ptr<peer_channel>& to, service_key key, Request& packet,
-                      duration limit) {
-        asio::any_io_executor waiting = asio::get_associated_executor(handler, asio::any_io_executor());
-        auto slot = asio::get_associated_cancellation_slot(handler);
-        call_completion done = [handler = std::move(handler)](const call_outcome& outcome) mutable {
-            return [handler = std::move(handler), got = detail::response_of<Response>(outcome)]() mutable {
-                auto taken = std::move(handler);
-                taken(std::move(got));
-            };
-        };
-        call_cancellation nobody;
-        auto& cancellation = slot.is_connected() ? slot.template emplace<detail::slot_cancellation>() : nobody;
-        detail::start_call(*to, nullptr, key, limit, waiting, cancellation, std::move(done), outgoing_packet(packet));
-    }
-
     template <class Contract>
     static task<subscriber<Contract>> begin(std::shared_ptr<peer_channel> to, std::string service,
                                             subscribe_options options, bytes request) {

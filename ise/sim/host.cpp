@@ -4,6 +4,8 @@
 #include <ise/sim/serial_line.hpp>
 #include <ise/sim/tcp_acceptor.hpp>
 
+#include <asio/any_io_executor.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -4,6 +4,8 @@
 #include <ise/sim/random.hpp>
 #include <ise/sim/socket_owner.hpp>
 
+#include <asio/any_io_executor.hpp>
+
 #include <functional>
 #include <map>
 #include <memory>

@@ -1,5 +1,6 @@
 #include <ise/sim/stream_end.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 
 namespace ise::sim {

@@ -5,6 +5,8 @@
 #include <ise/sim/resource.hpp>
 #include <ise/sim/socket_owner.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <memory>
 #include <optional>
 #include <string>

@@ -5,7 +5,6 @@
 #include <ise/packet/adapt.hpp>
 #include <ise/session/contract.hpp>
 #include <ise/session/held_packets.hpp>
-#include <ise/session/service_runtime.hpp>
 #include <ise/subscription/receive_queue.hpp>
 #include <ise/subscription/received.hpp>
 #include <ise/wire/messages.hpp>
@@ -17,6 +16,7 @@
 namespace ise {
 
 class conversation;
+class service_runtime;
 class subscriber_core;
 
 /// What stands before a published packet.

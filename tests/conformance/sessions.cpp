@@ -3,6 +3,8 @@
 
 #include <ise/net/connect.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <array>
 
 using namespace conformance;

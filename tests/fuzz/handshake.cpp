@@ -5,6 +5,9 @@
 #include <ise/net/handshake.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/transport/shared_key.hpp>
+
+#include <asio/buffer.hpp>
+
 #include <support/sim_parties.hpp>
 
 #include <algorithm>

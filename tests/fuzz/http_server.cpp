@@ -7,6 +7,8 @@
 #include <ise/core/task_scope.hpp>
 #include <ise/sim/world.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <algorithm>
 #include <array>
 #include <cstdlib>

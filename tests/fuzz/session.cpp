@@ -2,6 +2,9 @@
 // The input is a list of records: type, flags, id (one byte; 255: eight more), length (two bytes), the body. Type 0
 // stands for bytes that are written as they are, type 128 and above lets some time pass, in 16 ms.
 #include <ise/core/inproc_stream.hpp>
+
+#include <asio/buffer.hpp>
+
 #include <support/boat_services.hpp>
 #include <support/sim_parties.hpp>
 

@@ -1,6 +1,8 @@
 // How an actor calls others, and what it does when it is called.
 #include "actor.hpp"
 
+#include <ise/asio.hpp>
+
 #include <asio/bind_cancellation_slot.hpp>
 
 #include <stdexcept>

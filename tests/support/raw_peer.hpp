@@ -5,6 +5,9 @@
 #include <ise/wire/frame.hpp>
 #include <ise/wire/messages.hpp>
 #include <ise/wire/parser.hpp>
+
+#include <asio/buffer.hpp>
+
 #include <support/sim_parties.hpp>
 
 #include <cstring>

@@ -4,6 +4,7 @@
 #include <ise/core/task_scope.hpp>
 #include <ise/core/waiter.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 
 #include <algorithm>

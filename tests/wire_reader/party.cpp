@@ -6,6 +6,7 @@
 // input.
 #include "services.hpp"
 
+#include <ise/asio.hpp>
 #include <ise/service/service_host.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>

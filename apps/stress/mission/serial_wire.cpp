@@ -2,6 +2,8 @@
 
 #include <ise/core/environment.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <array>
 
 namespace atirma::stress {

@@ -6,6 +6,7 @@
 #include <ise/core/real/sockets.hpp>
 #include <ise/core/real/system.hpp>
 
+#include <asio/any_io_executor.hpp>
 #include <asio/io_context.hpp>
 #include <asio/post.hpp>
 #include <asio/strand.hpp>

@@ -5,6 +5,8 @@
 #include <ise/core/verified_peer.hpp>
 #include <ise/core/waiter.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <cstddef>
 #include <optional>
 #include <string>

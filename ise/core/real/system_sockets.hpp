@@ -3,6 +3,7 @@
 #include <ise/core/real/descriptor.hpp>
 #include <ise/core/stream.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/detail/socket_types.hpp> // sockaddr and the constants of the system
 
 #include <cstddef>

@@ -1,6 +1,7 @@
 #include <ise/core/real/socket_stream.hpp>
 #include <ise/core/real/sockets.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/ip/udp.hpp>
 
 #include <fmt/format.h>

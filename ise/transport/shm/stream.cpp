@@ -4,6 +4,7 @@
 #include <ise/core/verified_peer.hpp>
 #include <ise/core/waiter.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 
 #include <fmt/format.h>

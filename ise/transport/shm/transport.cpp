@@ -7,6 +7,7 @@
 #include <ise/transport/shm/stream.hpp>
 #include <ise/transport/system_streams.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 
 #include <fmt/format.h>

@@ -15,6 +15,7 @@
 #include <openssl/err.h>
 #include <openssl/ssl.h>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 
 #include <array>

@@ -9,6 +9,7 @@
 #include <ise/wire/messages.hpp>
 #include <ise/wire/sealed_datagram.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 
 #include <string_view>

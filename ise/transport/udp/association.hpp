@@ -5,6 +5,8 @@
 #include <ise/transport/udp/channel.hpp>
 #include <ise/transport/udp/seal.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <mutex>
 
 namespace ise::net::udp {

@@ -7,6 +7,7 @@
 #include <ise/transport/udp/certified.hpp>
 #include <ise/transport/udp/port.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 #include <fmt/format.h>
 

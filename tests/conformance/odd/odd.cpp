@@ -3,6 +3,8 @@
 #include <ise/core/loop.hpp>
 #include <ise/core/transport.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <array>
 
 namespace conformance {

@@ -1,5 +1,6 @@
 // A program with an io_context of its own, run by four threads: two gateways serve one role over udp, and whoever uses
 // the role goes on with the second when the first is gone.
+#include <ise/asio.hpp>
 #include <ise/ise.hpp>
 #include <ise/name_server/name_server.hpp>
 #include <ise/service/service_host.hpp>

@@ -1,4 +1,5 @@
 // A program of its own that uses ISE: its components run on an io_context that four threads of the program run already.
+#include <ise/asio.hpp>
 #include <ise/ise.hpp>
 #include <ise/service/service_host.hpp>
 

@@ -2,6 +2,8 @@
 // usage: doctor_patient NAME_SERVER LEASE_S AILMENT: floods|slow|asks|gives|seeks|early|nowhere|passes|left|right
 #include <ise/ise.hpp>
 
+#include <asio/any_io_executor.hpp>
+
 #include <cstdio>
 #include <cstdlib>
 #include <string>

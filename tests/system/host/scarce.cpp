@@ -3,6 +3,7 @@
 
 #include <support/no_descriptors.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/ip/tcp.hpp>
 #include <asio/ip/udp.hpp>
 #include <asio/local/stream_protocol.hpp>

@@ -13,6 +13,7 @@
 
 #include <support/catch.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/connect.hpp>
 #include <asio/io_context.hpp>
 #include <asio/ip/tcp.hpp>

@@ -2,6 +2,7 @@
 // came from.
 #include "deployment.hpp"
 
+#include <asio/buffer.hpp>
 #include <asio/connect.hpp>
 #include <asio/io_context.hpp>
 #include <asio/ip/tcp.hpp>

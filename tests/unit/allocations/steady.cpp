@@ -1,6 +1,7 @@
 // What happens over and over allocates nothing. On real sockets, as the virtual network allocates its events.
 #include "counting.hpp"
 
+#include <ise/asio.hpp>
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>
 #include <support/real_parties.hpp>

@@ -1,5 +1,7 @@
 #include "sea.hpp"
 
+#include <ise/component/introspection.hpp>
+
 namespace declaring_test {
 
 using namespace sea;

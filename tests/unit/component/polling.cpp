@@ -1,6 +1,7 @@
 // Nodes that poll do what the others do.
 #include "sea.hpp"
 
+#include <ise/asio.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/service/service_host.hpp>
 

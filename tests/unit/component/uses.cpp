@@ -2,6 +2,7 @@
 #include "sea.hpp"
 
 #include <ise/asio.hpp>
+#include <ise/component/introspection.hpp>
 #include <ise/core/limits.hpp>
 #include <ise/service/service_host.hpp>
 

@@ -3,6 +3,8 @@
 #include <ise/core/inproc.hpp>
 #include <ise/core/inproc_stream.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <support/catch.hpp>
 
 namespace inproc_test {

@@ -7,6 +7,7 @@
 #include <ise/core/waiter.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>
+#include <asio/buffer.hpp>
 
 #include <support/catch.hpp>
 

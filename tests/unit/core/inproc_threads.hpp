@@ -4,6 +4,7 @@
 #include <ise/core/environment.hpp>
 #include <ise/core/loop.hpp>
 
+#include <asio/any_io_executor.hpp>
 #include <asio/detached.hpp>
 #include <asio/io_context.hpp>
 #include <asio/use_future.hpp>

@@ -3,6 +3,7 @@
 
 #include <support/catch.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/detached.hpp>
 #include <asio/io_context.hpp>
 

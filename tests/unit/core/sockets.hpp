@@ -5,6 +5,7 @@
 #include <ise/core/sleep.hpp>
 #include <ise/core/transport.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/io_context.hpp>
 #include <asio/use_future.hpp>
 

@@ -2,6 +2,7 @@
 
 #include <support/catch.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/ip/tcp.hpp>
 
 namespace sockets_test {

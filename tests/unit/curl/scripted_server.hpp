@@ -3,6 +3,7 @@
 #include <support/program.hpp>
 #include <support/real_parties.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/ip/tcp.hpp>
 #include <asio/read.hpp>
 #include <asio/read_until.hpp>

@@ -4,6 +4,8 @@
 #include <components/communication_node/communication_node.hpp>
 #include <components/gprs_link/gprs_link_emulator.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <support/catch.hpp>
 
 #include <algorithm>

@@ -1,6 +1,7 @@
 // Calls in good order, by numbers that are not: of theirs that run, of those that wait, of ours that they hold up.
 #include "fleet.hpp"
 
+#include <ise/asio.hpp>
 #include <ise/net/connect.hpp>
 #include <ise/service/peer_channel.hpp>
 

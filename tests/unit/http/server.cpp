@@ -4,6 +4,8 @@
 #include <ise/component/node.hpp>
 #include <ise/sim/world.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <support/catch.hpp>
 
 #include <algorithm>

@@ -5,6 +5,8 @@
 #include <ise/transport/security.hpp>
 #include <ise/transport/tls/identity.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <support/authority.hpp>
 
 #include <fmt/format.h>

@@ -6,6 +6,8 @@
 #include <ise/sim/world.hpp>
 #include <ise/wire/body.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <support/catch.hpp>
 #include <support/party.hpp>
 

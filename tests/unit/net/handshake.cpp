@@ -3,6 +3,8 @@
 #include <ise/packet/codec.hpp>
 #include <ise/sim/world.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <support/catch.hpp>
 #include <support/party.hpp>
 

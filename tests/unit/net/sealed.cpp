@@ -11,6 +11,8 @@
 #include <ise/transport/tls/stream.hpp>
 #include <ise/wire/body.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>
 #include <support/party.hpp>

@@ -8,6 +8,8 @@
 #include <ise/transport/shared_key.hpp>
 #include <ise/wire/body.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <support/catch.hpp>
 #include <support/party.hpp>
 

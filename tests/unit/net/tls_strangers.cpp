@@ -1,6 +1,9 @@
 // TLS as a hostile peer speaks it: handshakes that never finish, certificates without end. Others do not notice.
 #include <ise/net/connect.hpp>
 #include <ise/transport/security.hpp>
+
+#include <asio/buffer.hpp>
+
 #include <support/authority.hpp>
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>

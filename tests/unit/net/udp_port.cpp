@@ -2,6 +2,8 @@
 #include <ise/sim/world.hpp>
 #include <ise/transport/udp/port.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <support/catch.hpp>
 
 #include <cstring>

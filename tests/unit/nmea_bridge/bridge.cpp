@@ -3,6 +3,9 @@
 #include <ise/component/node.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/sim/world.hpp>
+
+#include <asio/buffer.hpp>
+
 #include <support/catch.hpp>
 #include <support/program.hpp>
 

@@ -4,6 +4,7 @@
 #include <support/catch.hpp>
 #include <support/party.hpp>
 
+#include <ise/asio.hpp>
 #include <ise/call/call_service.hpp>
 #include <ise/sim/world.hpp>
 

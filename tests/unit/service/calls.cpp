@@ -1,3 +1,4 @@
+#include <ise/asio.hpp>
 #include <ise/packet/archive.hpp>
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>

@@ -2,6 +2,7 @@
 
 #include <support/catch.hpp>
 
+#include <asio/any_io_executor.hpp>
 #include <asio/dispatch.hpp>
 #include <asio/io_context.hpp>
 #include <asio/post.hpp>

@@ -1,6 +1,8 @@
 // The ring between two processes: bytes, positions that cannot be, and nobody who sleeps through what came.
 #include <ise/transport/shm/byte_ring.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <support/catch.hpp>
 
 #include <array>

@@ -1,5 +1,7 @@
 #include "talk.hpp"
 
+#include <asio/buffer.hpp>
+
 #include <support/catch.hpp>
 
 namespace serial_test {

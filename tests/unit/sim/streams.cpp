@@ -1,8 +1,9 @@
 #include "talk.hpp"
 
+#include <asio/bind_cancellation_slot.hpp>
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 
-#include <asio/bind_cancellation_slot.hpp>
 #include <support/catch.hpp>
 
 namespace streams_test {

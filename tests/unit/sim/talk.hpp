@@ -4,6 +4,7 @@
 #include <ise/core/waiter.hpp>
 #include <ise/sim/world.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/detached.hpp>
 #include <asio/post.hpp>
 

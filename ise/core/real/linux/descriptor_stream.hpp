@@ -2,6 +2,8 @@
 #include <ise/core/asio_compat.hpp>
 #include <ise/core/stream.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <sys/uio.h>
 
 #include <algorithm>

@@ -2,6 +2,7 @@
 
 #include <ise/core/environment.hpp>
 
+#include <asio/any_io_executor.hpp>
 #include <asio/post.hpp>
 
 #include <sched.h>

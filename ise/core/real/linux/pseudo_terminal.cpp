@@ -1,6 +1,7 @@
 #include <ise/core/real/linux/descriptor_stream.hpp>
 #include <ise/core/real/sockets.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/posix/stream_descriptor.hpp>
 
 #include <fmt/format.h>

@@ -2,6 +2,7 @@
 
 #include <ise/core/real/linux/local_peer.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 
 #include <algorithm>

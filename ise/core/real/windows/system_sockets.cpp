@@ -1,5 +1,6 @@
 #include <ise/core/real/system_sockets.hpp>
 
+#include <asio/buffer.hpp>
 #include <asio/error.hpp>
 #include <asio/ip/tcp.hpp> // starts Winsock
 

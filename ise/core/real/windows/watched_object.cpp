@@ -1,5 +1,7 @@
 #include <ise/core/real/windows/watched_object.hpp>
 
+#include <asio/any_io_executor.hpp>
+
 namespace ise::real {
 namespace {
 
