@@ -16,7 +16,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::size_t max_idle_lines = 4;
+constexpr std::size_t max_idle_lines = 16;
 constexpr std::size_t max_head_bytes = 16 * 1024;
 
 std::string coded(std::string_view text) { return detail::to_base64(as_bytes(text)); }
@@ -221,8 +221,7 @@ etcd_store::~etcd_store() = default;
 void etcd_store::pass_over(std::size_t member) {
     if (member != member_) return; // another question has found it out before
     member_ = (member_ + 1) % options_.members.size();
-    idle_.clear();
-    token_.clear();
+    idle_.clear(); // the token stays: all members know it
     if (watching_) watching_->close();
 }
 
@@ -296,11 +295,11 @@ task<result<std::string>> etcd_store::post_once(std::string target, std::string 
     co_return failure(errc::refused, fmt::format("etcd refuses: {} (HTTP status {})", words, status));
 }
 
-task<result<void>> etcd_store::log_in() {
+task<result<void>> etcd_store::log_in(duration within) {
     json who;
     who["name"] = options_.user;
     who["password"] = options_.password;
-    auto outcome = co_await post_once("auth/authenticate", who.dump(), patience);
+    auto outcome = co_await post_once("auth/authenticate", who.dump(), within);
     if (!outcome) co_return outcome.error();
     auto read = json::parse(*outcome, nullptr, false);
     if (read.is_object()) token_ = read.value("token", std::string());
@@ -311,14 +310,14 @@ task<result<void>> etcd_store::log_in() {
 
 task<result<std::string>> etcd_store::post(std::string target, std::string body, duration within) {
     if (!options_.user.empty() && token_.empty()) {
-        auto in = co_await log_in();
+        auto in = co_await log_in(within);
         if (!in) co_return in.error();
     }
     auto again = target;
     auto what = body;
     auto outcome = co_await post_once(std::move(target), std::move(body), within);
     if (outcome || options_.user.empty() || outcome.error().code() != errc::unauthorized) co_return outcome;
-    auto in = co_await log_in(); // a token lives five minutes
+    auto in = co_await log_in(within); // a token lives five minutes
     if (!in) co_return in.error();
     co_return co_await post_once(std::move(again), std::move(what), within);
 }
@@ -433,16 +432,16 @@ task<result<void>> etcd_store::grant(std::uint64_t lease, duration length) {
     co_return result<void>();
 }
 
-task<result<void>> etcd_store::keep(std::uint64_t lease) {
+task<result<void>> etcd_store::keep(std::uint64_t lease, duration within) {
     json question;
     question["ID"] = std::to_string(lease);
-    auto outcome = co_await post("lease/keepalive", question.dump());
+    auto outcome = co_await post("lease/keepalive", question.dump(), within);
     if (!outcome) co_return outcome.error();
     auto answer = json::parse(*outcome, nullptr, false);
-    auto within = answer.is_object() ? answer.find("result") : answer.end();
-    if (!answer.is_object() || within == answer.end())
+    auto renewed = answer.is_object() ? answer.find("result") : answer.end();
+    if (!answer.is_object() || renewed == answer.end())
         co_return failure(errc::refused, fmt::format("etcd renews no lease: {}", outcome->substr(0, 200)));
-    if (number(*within, "TTL") == 0) co_return failure(errc::no_such_name, "etcd: the lease is over");
+    if (number(*renewed, "TTL") == 0) co_return failure(errc::no_such_name, "etcd: the lease is over");
     co_return result<void>();
 }
 
@@ -457,7 +456,7 @@ task<result<void>> etcd_store::revoke(std::uint64_t lease) {
 task<failure> etcd_store::follow(std::uint64_t revision,
                                  std::function<void(const std::vector<store_change>&, std::uint64_t)> on_changes) {
     if (!options_.user.empty() && token_.empty()) {
-        auto in = co_await log_in();
+        auto in = co_await log_in(patience);
         if (!in) co_return in.error();
     }
     auto deadline = saturating_add(on_.now(), patience);

@@ -34,12 +34,11 @@ public:
     task<result<std::vector<store_outcome>>> write(std::vector<store_step> steps) override;
     task<result<void>> probe() override;
     task<result<void>> grant(std::uint64_t lease, duration length) override;
-    task<result<void>> keep(std::uint64_t lease) override;
+    task<result<void>> keep(std::uint64_t lease, duration within) override;
     task<result<void>> revoke(std::uint64_t lease) override;
     task<failure> follow(std::uint64_t revision,
                          std::function<void(const std::vector<store_change>&, std::uint64_t)> on_changes) override;
 
-    static constexpr duration patience = std::chrono::milliseconds(1500); ///< for one answer
     static constexpr std::size_t max_answer_bytes = std::size_t{512} << 20;
 
 private:
@@ -51,7 +50,7 @@ private:
     /// `more`: further lines of its head.
     std::string request_text(std::string_view target, const std::string& body, std::string_view more = {}) const;
     task<result<std::string>> post_once(std::string target, std::string body, duration within);
-    task<result<void>> log_in();
+    task<result<void>> log_in(duration within);
     void pass_over(std::size_t member);
 
     loop& on_;

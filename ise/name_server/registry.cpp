@@ -417,9 +417,22 @@ void registry::know_node(const naming::node_identity& who, duration lease, bool 
     expiries_.emplace(one.expires, who.lease_key);
 }
 
-void registry::extend(std::uint64_t lease_key, time_point now) {
+void registry::extend(std::uint64_t lease_key, duration by, time_point now) {
     auto at = running_time(now);
-    if (auto known = nodes_.find(lease_key); known != nodes_.end()) renew_lease(known->second, at);
+    auto known = nodes_.find(lease_key);
+    if (known == nodes_.end()) return;
+    auto& one = known->second;
+    expiries_.erase({one.expires, lease_key});
+    // One that `expire` has found overdue has no end until then.
+    const bool overdue = one.expires == time_point::max();
+    one.expires = overdue ? saturating_add(at, by) : std::max(one.expires, saturating_add(at, by));
+    expiries_.emplace(one.expires, lease_key);
+}
+
+duration registry::silent_for(std::uint64_t lease_key, time_point now) {
+    auto at = running_time(now);
+    auto known = nodes_.find(lease_key);
+    return known == nodes_.end() ? duration::max() : at - known->second.renewed;
 }
 
 void registry::end_node(std::uint64_t lease_key, time_point now) {

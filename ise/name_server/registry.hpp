@@ -69,8 +69,10 @@ public:
     void hold(std::uint64_t lease_key, naming::component_claim claim, time_point now);
     /// Nobody holds it now.
     void drop(std::string_view path, time_point now);
-    /// The lease of a node kept here begins anew.
-    void extend(std::uint64_t lease_key, time_point now);
+    /// The lease of a node kept here ends at least so much later than now, though nothing was heard of it.
+    void extend(std::uint64_t lease_key, duration by, time_point now);
+    /// Since the lease of a node kept here was renewed.
+    duration silent_for(std::uint64_t lease_key, time_point now);
     /// The nodes kept here whose leases have run out since it was last asked.
     std::vector<std::uint64_t> take_overdue();
     /// The nodes whose processes were started with that mark.

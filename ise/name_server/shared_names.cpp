@@ -17,6 +17,14 @@ using naming::verdict;
 
 constexpr std::string_view node_prefix = "node/", name_prefix = "name/", offset_key = "offset";
 constexpr duration tend_period = std::chrono::milliseconds(500);
+// A store that takes longer may delay a node's renewals by as much.
+constexpr duration prompt = std::chrono::milliseconds(500);
+// Each lease is renewed four times in its length, and each renewal may take half of it: the store gets the next one
+// though the last one is not answered.
+constexpr duration keep_period = shared_names::store_lease / 4, keep_patience = shared_names::store_lease / 2;
+// Renewals under way at once: so many, and one more every `keep_pace` while the store has not answered them.
+constexpr std::size_t few_keeps = 8, max_keeps = 512;
+constexpr duration keep_pace = std::chrono::milliseconds(5);
 // A majority was heard so lately that nothing is wrong.
 constexpr duration fresh = std::chrono::seconds(3);
 // Components whose claims were refused ask again within that time.
@@ -54,7 +62,8 @@ shared_names::shared_names(loop& on, environment& env, task_scope& scope, const 
       on_change_(std::move(on_change)), started_(on.now()) {
     names_.complete(false);
     scope_.spawn("watch of the store", watch(*this));
-    scope_.spawn("leases in the store", tend(*this));
+    scope_.spawn("state of the store", tend(*this));
+    scope_.spawn("leases in the store", keep_leases(*this));
 }
 
 std::string shared_names::trouble() const {
@@ -183,7 +192,10 @@ void shared_names::take_node(const store_entry& entry) {
     auto read = from_json<stored_node>(entry.value);
     auto& one = nodes_[read.who.lease_key];
     if (one.changed >= entry.changed) return;
-    if (one.what.store_lease != read.store_lease || read.server != incarnation_) one.confirmed.reset();
+    if (one.what.store_lease != read.store_lease || read.server != incarnation_) {
+        one.confirmed.reset();
+        one.tried.reset();
+    }
     one.changed = entry.changed;
     one.what.who = read.who;
     one.what.lease = read.lease;
@@ -267,7 +279,7 @@ task<> shared_names::keep_here(naming::node_identity who, duration lease) {
             if (confirmed_within(known->second, margin)) co_return;
             auto sent = on_.now();
             auto number = known->second.what.store_lease;
-            auto kept = co_await store_.keep(number);
+            auto kept = co_await store_.keep(number, name_store::patience);
             known = nodes_.find(key);
             if (kept && known != nodes_.end() && known->second.what.store_lease == number) {
                 known->second.confirmed = sent;
@@ -471,26 +483,39 @@ task<> shared_names::end_node(shared_names& self, std::uint64_t lease_key) {
     if (!revoked) self.log_.debug("a lease was not revoked", {{"cause", revoked.error().message()}});
 }
 
+bool shared_names::answers_slowly() const {
+    return answer_took_ > prompt || (asked_at_ && on_.now() - *asked_at_ > prompt);
+}
+
 void shared_names::tick() {
     if (!store_answers_) return; // nodes whose renewals are refused are alive all the same
     for (auto key : names_.take_overdue()) {
         auto known = nodes_.find(key);
         if (known == nodes_.end() || known->second.what.server != incarnation_ || known->second.ending) continue;
+        if (answers_slowly() && names_.silent_for(key, on_.now()) < store_lease) {
+            names_.extend(key, names_.options().lease, on_.now());
+            continue;
+        }
         known->second.ending = true;
         scope_.spawn("end of a node", end_node(*this, key));
     }
 }
 
-// While the store was away renewals were refused: each node that is kept here gets a whole lease to come back.
+// While the store was away renewals were refused. A node that is kept here may be asking other name servers, some of
+// which still do not reach the store: it gets as long as by its lease there to come back.
 void shared_names::give_time() {
     [[maybe_unused]] auto refused = names_.take_overdue();
     for (const auto& [key, one] : nodes_)
-        if (one.what.server == incarnation_ && !one.ending) names_.extend(key, on_.now());
+        if (one.what.server == incarnation_ && !one.ending) names_.extend(key, store_lease, on_.now());
 }
 
 task<> shared_names::tend(shared_names& self) {
     while (!self.scope_.stopping()) {
+        const auto asked = self.on_.now();
+        self.asked_at_ = asked;
         auto alive = co_await self.store_.probe();
+        self.asked_at_.reset();
+        self.answer_took_ = self.on_.now() - asked;
         if (alive) self.heard();
         else self.obstacle_ = alive.error().message();
         if (!alive) self.names_.heard_since(self.on_.now());
@@ -500,30 +525,51 @@ task<> shared_names::tend(shared_names& self) {
         if (self.on_.now() - self.started_ < fresh) why.clear();
         if (!why.empty() && !std::exchange(self.complained_, true)) self.log_.warning(why);
         if (why.empty() && std::exchange(self.complained_, false)) self.log_.info("the store is back");
-        std::vector<std::uint64_t> due, dead;
-        for (const auto& [key, one] : self.nodes_)
-            if (one.what.server == self.incarnation_ && !one.ending && !self.confirmed_within(one, store_lease / 4))
-                due.push_back(key);
-        for (const auto& [key, one] : self.nodes_)
-            if (one.what.server == self.incarnation_ && one.ending) dead.push_back(key);
-        if (!alive) {
-            due.clear();
-            dead.clear();
-        }
+        std::vector<std::uint64_t> dead;
+        if (alive)
+            for (const auto& [key, one] : self.nodes_)
+                if (one.what.server == self.incarnation_ && one.ending) dead.push_back(key);
         for (auto key : dead) co_await end_node(self, key);
-        for (auto key : due) {
+        co_await sleep_for(self.on_, tend_period);
+    }
+}
+
+bool shared_names::due(const known_node& node) const {
+    return node.what.server == incarnation_ && !node.ending && !confirmed_within(node, keep_period) &&
+           (!node.tried || on_.now() - *node.tried >= keep_period);
+}
+
+// Whatever `tend` finds: a store that answers too late for grants still gets the renewals in time.
+task<> shared_names::keep_leases(shared_names& self) {
+    while (!self.scope_.stopping()) {
+        std::vector<std::uint64_t> all;
+        for (const auto& [key, one] : self.nodes_)
+            if (self.due(one)) all.push_back(key);
+        for (auto key : all) {
+            if (self.keeping_ >= few_keeps) co_await sleep_for(self.on_, keep_pace);
+            while (self.keeping_ >= max_keeps) co_await sleep_for(self.on_, keep_pace);
             auto known = self.nodes_.find(key);
-            if (known == self.nodes_.end() || known->second.ending) continue;
-            auto sent = self.on_.now();
-            auto number = known->second.what.store_lease;
-            auto kept = co_await self.store_.keep(number);
-            known = self.nodes_.find(key);
-            if (kept && known != self.nodes_.end() && known->second.what.store_lease == number)
-                known->second.confirmed = sent;
-            if (!kept && kept.error().code() != errc::no_such_name) break; // the probe tells more
+            if (known == self.nodes_.end() || !self.due(known->second)) continue;
+            known->second.tried = self.on_.now();
+            ++self.keeping_;
+            self.scope_.spawn("a lease in the store", keep_lease(self, key, known->second.what.store_lease));
         }
         co_await sleep_for(self.on_, tend_period);
     }
+}
+
+task<> shared_names::keep_lease(shared_names& self, std::uint64_t lease_key, std::uint64_t number) {
+    struct counted {
+        std::size_t& all;
+        ~counted() { --all; }
+    } guard{self.keeping_};
+    const auto sent = self.on_.now();
+    auto kept = co_await self.store_.keep(number, keep_patience);
+    auto known = self.nodes_.find(lease_key);
+    if (known == self.nodes_.end() || known->second.what.store_lease != number) co_return;
+    if (kept) known->second.confirmed = std::max(known->second.confirmed.value_or(sent), sent);
+    // Otherwise the watch tells that the lease is over. A store that was found to be away is not asked more often.
+    else if (kept.error().code() != errc::no_such_name && self.store_answers_) known->second.tried.reset();
 }
 
 } // namespace ise

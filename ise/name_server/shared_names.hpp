@@ -60,6 +60,7 @@ private:
         node_record what;
         std::uint64_t changed = 0;
         std::optional<time_point> confirmed; // when the last renewal in the store was sent that succeeded
+        std::optional<time_point> tried;     // when `keep_leases` has sent the last one, or nothing: it failed
         bool ending = false;
     };
     struct known_name {
@@ -69,6 +70,8 @@ private:
 
     static task<> watch(shared_names& self);
     static task<> tend(shared_names& self);
+    static task<> keep_leases(shared_names& self);
+    static task<> keep_lease(shared_names& self, std::uint64_t lease_key, std::uint64_t number);
     static task<> end_node(shared_names& self, std::uint64_t lease_key);
     task<result<void>> read_all();
     void apply(const std::vector<store_change>& changes, std::uint64_t revision);
@@ -85,6 +88,8 @@ private:
     bool confirmed_within(const known_node& node, duration age) const {
         return node.confirmed && on_.now() - *node.confirmed < age;
     }
+    bool due(const known_node& node) const;
+    bool answers_slowly() const;
     void heard() { heard_at_ = on_.now(); }
 
     loop& on_;
@@ -105,7 +110,10 @@ private:
     std::string obstacle_ = "it was not reached yet";
     std::optional<std::pair<time_point, std::string>> unwritable_; // the last write was refused: when, and why
     bool complained_ = false;
-    bool store_answers_ = true; // the last question whether it does
+    bool store_answers_ = true;          // the last question whether it does
+    duration answer_took_{};             // to that question
+    std::optional<time_point> asked_at_; // that question again, which is not answered yet
+    std::size_t keeping_ = 0;            // renewals that are not answered yet
     std::vector<waiter<>*> catching_up_;
 };
 

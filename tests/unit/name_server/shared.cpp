@@ -272,6 +272,66 @@ TEST_CASE("shared names: a store that is away for a while costs no node its name
     for (int n = 0; n != nodes; ++n) CHECK(it.epoch_at(0, path(n)) == epochs[static_cast<std::size_t>(n)]);
 }
 
+TEST_CASE("shared names: a store that answers too late for grants, and gets all renewals, costs no node its names") {
+    auto one_way = GENERATE(800ms, 1000ms, 2400ms);
+    auto nodes = GENERATE(1, 60);
+    CAPTURE(one_way.count(), nodes);
+    shared_system it;
+    auto path = [](int n) { return fmt::format("atirma/doubler{}", n); };
+    for (int n = 0; n != nodes; ++n) it.start_doubler(fmt::format("boat{}", n), path(n));
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere(path(nodes - 1)); }, 5s));
+    it.world.run_for(3s);
+    const auto before = it.cluster.keys;
+    for (const char* name_server : {"ns0", "ns1", "ns2"}) it.cluster.latency[name_server] = one_way;
+    it.start_doubler("late", "atirma/late");
+    it.world.run_for(60s);
+    CHECK(trouble_listed(it).find("etcd did not answer in time") != std::string::npos);
+    CHECK(it.warned("names are unconfirmed"));
+    it.cluster.latency.clear();
+    CHECK(it.world.run_until([&] { return it.held_everywhere("atirma/late"); }, 15s));
+    it.world.run_for(15s);
+    for (const auto& [key, one] : before)
+        if (key.starts_with("name/")) CHECK(it.cluster.keys[key].created == one.created);
+    CHECK(trouble_listed(it).empty());
+}
+
+TEST_CASE(
+    "shared names: a store that is slow at times costs no node its names, whichever name servers it is slow for") {
+    auto seed = GENERATE(range(1, 21));
+    auto alike = GENERATE(true, false);
+    CAPTURE(seed, alike);
+    shared_system it(3, static_cast<std::uint64_t>(seed));
+    std::mt19937 dice(static_cast<unsigned>(seed));
+    const std::vector<std::string> paths = {"crowd/a", "crowd/b", "crowd/c"};
+    for (const auto& path : paths) it.start_doubler(path.substr(6), path);
+    REQUIRE(it.world.run_until(
+        [&] { return std::ranges::all_of(paths, [&](const auto& path) { return it.held_everywhere(path); }); }, 10s));
+    it.world.run_for(3s);
+    const auto before = it.cluster.keys;
+    for (int step = 0; step != 40; ++step) {
+        auto slow = [&] { return std::chrono::milliseconds(dice() % 3 == 0 ? 1 : 1 + dice() % 2000); };
+        auto all = slow();
+        for (const char* name_server : {"ns0", "ns1", "ns2"}) it.cluster.latency[name_server] = alike ? all : slow();
+        it.world.run_for(std::chrono::milliseconds(dice() % 4000));
+    }
+    it.cluster.latency.clear();
+    it.world.run_for(20s);
+    for (const auto& [key, one] : before)
+        if (key.starts_with("name/")) CHECK(it.cluster.keys[key].created == one.created);
+}
+
+TEST_CASE("shared names: a node that has died goes from a slow store, too") {
+    shared_system it;
+    auto& boat = it.start_doubler("boat", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
+    for (const char* name_server : {"ns0", "ns1", "ns2"}) it.cluster.latency[name_server] = 400ms;
+    it.world.run_for(10s);
+    boat.crash();
+    it.world.run_for(5s);
+    CHECK(it.epoch_at(0, "atirma/doubler") != 0); // a store that is slow may be what keeps it from renewing
+    CHECK(it.world.run_until([&] { return it.epoch_at(2, "atirma/doubler") == 0; }, 15s));
+}
+
 TEST_CASE("shared names: a watch that a compaction has overtaken reads everything anew") {
     shared_system it;
     auto& boat = it.start_doubler("boat", "atirma/doubler");
