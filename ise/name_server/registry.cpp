@@ -13,6 +13,10 @@ namespace {
 using naming::verdict;
 
 constexpr duration min_lease = std::chrono::milliseconds(50);
+// A lease that another server keeps is not heard being renewed, so it counts as renewed once in so long. Claimants give
+// up after two renewals, the first of which may be due just then: a lease in the store whose node has died ends sooner,
+// also after an election there, which begins it anew.
+constexpr duration unheard_renewal = std::chrono::seconds(15);
 
 std::uint64_t microseconds_of(wall_time wall) {
     auto count = std::chrono::duration_cast<std::chrono::microseconds>(wall.time_since_epoch()).count();
@@ -373,11 +377,9 @@ naming::holder registry::holder_of(const component& held, time_point at) const {
     if (!held.claim.endpoints.empty()) who.endpoint = held.claim.endpoints.front();
     who.lease_age = at - held.owner->renewed;
     who.renewals = held.owner->renewals;
-    // Kept by another server, which is not heard renewing it: it lives as long as the store's lease, which is shorter
-    // than two of these.
-    if (options_.shared && held.owner->expires == time_point::max())
+    if (options_.shared && held.owner->expires == time_point::max()) // kept by another server
         who.renewals +=
-            static_cast<std::uint64_t>((at - std::max(held.owner->renewed, heard_since_)) / std::chrono::seconds(6));
+            static_cast<std::uint64_t>((at - std::max(held.owner->renewed, heard_since_)) / unheard_renewal);
     return who;
 }
 

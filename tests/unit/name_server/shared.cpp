@@ -332,6 +332,23 @@ TEST_CASE("shared names: a node that has died goes from a slow store, too") {
     CHECK(it.world.run_until([&] { return it.epoch_at(2, "atirma/doubler") == 0; }, 15s));
 }
 
+TEST_CASE("shared names: who waits for a name whose holder and name server have died gets it") {
+    auto known_for = GENERATE(0s, 2s, 4s, 5s, 6s, 8s, 11s, 13s);
+    CAPTURE(known_for.count());
+    shared_system it;
+    auto& boat = it.start_doubler("boat", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
+    auto before = it.epoch_at(1, "atirma/doubler");
+    it.world.run_for(known_for);
+    auto comma = it.list.find(',');
+    it.list = it.list.substr(comma + 1) + "," + it.list.substr(0, comma); // it begins with the next name server
+    it.start_doubler("shore", "atirma/doubler");
+    it.world.run_for(1s);
+    boat.crash();
+    it.process[0]->crash();
+    CHECK(it.world.run_until([&] { return it.epoch_at(1, "atirma/doubler") > before; }, 15s));
+}
+
 TEST_CASE("shared names: a watch that a compaction has overtaken reads everything anew") {
     shared_system it;
     auto& boat = it.start_doubler("boat", "atirma/doubler");
