@@ -25,6 +25,9 @@ constexpr duration keep_period = shared_names::store_lease / 4, keep_patience = 
 // Renewals under way at once: so many, and one more every `keep_pace` while the store has not answered them.
 constexpr std::size_t few_keeps = 8, max_keeps = 512;
 constexpr duration keep_pace = std::chrono::milliseconds(5);
+// Transactions under way at once; what comes meanwhile goes together with the next one. More bytes than these are not
+// put together, since etcd takes 1.5 MiB in one request.
+constexpr std::size_t max_writers = 4, max_group_bytes = 512 * 1024;
 // A majority was heard so lately that nothing is wrong.
 constexpr duration fresh = std::chrono::seconds(3);
 // Components whose claims were refused ask again within that time.
@@ -236,7 +239,7 @@ task<std::vector<store_outcome>> shared_names::write(std::vector<store_step> ste
         auto end = std::min(begin + name_store::max_steps, steps.size());
         std::vector<store_step> some(std::make_move_iterator(steps.begin() + static_cast<std::ptrdiff_t>(begin)),
                                      std::make_move_iterator(steps.begin() + static_cast<std::ptrdiff_t>(end)));
-        auto done = co_await store_.write(std::move(some));
+        auto done = co_await commit(std::move(some));
         if (!done) give_up(done.error());
         heard();
         unwritable_.reset();
@@ -245,6 +248,82 @@ task<std::vector<store_outcome>> shared_names::write(std::vector<store_step> ste
     }
     co_await catch_up(newest);
     co_return all;
+}
+
+// Of a thousand nodes that come at once, each transaction by itself would take longer than they wait.
+task<result<std::vector<store_outcome>>> shared_names::commit(std::vector<store_step> steps) {
+    auto mine = std::make_shared<queued_write>();
+    mine->steps = std::move(steps);
+    waiter<> done(on_, [&done] { done.resume(); });
+    struct awaited {
+        std::list<std::shared_ptr<queued_write>>& queue;
+        const std::shared_ptr<queued_write>& what;
+        ~awaited() {
+            what->author = nullptr;
+            queue.remove(what);
+        }
+    } guard{queue_, mine};
+    mine->author = &done;
+    queue_.push_back(mine);
+    if (writers_ < max_writers) {
+        ++writers_;
+        scope_.spawn("writes to the store", write_queue(*this));
+    }
+    while (!mine->outcome) co_await done.wait();
+    co_return *mine->outcome;
+}
+
+std::vector<std::shared_ptr<shared_names::queued_write>> shared_names::next_group() {
+    std::vector<std::shared_ptr<queued_write>> group;
+    std::set<std::string, std::less<>> keys;
+    std::size_t bytes = 0;
+    for (auto next = queue_.begin(); next != queue_.end() && keys.size() < name_store::max_steps;) {
+        const auto& steps = (*next)->steps;
+        std::size_t size = 0;
+        for (const auto& one : steps) size += one.key.size() + one.value.size();
+        const bool fits = keys.size() + steps.size() <= name_store::max_steps && bytes + size <= max_group_bytes &&
+                          std::ranges::none_of(steps, [&](const auto& one) { return keys.contains(one.key); });
+        if (!fits && !group.empty()) {
+            ++next;
+            continue;
+        }
+        for (const auto& one : steps) keys.insert(one.key);
+        bytes += size;
+        group.push_back(*next);
+        next = queue_.erase(next);
+    }
+    return group;
+}
+
+task<> shared_names::write_queue(shared_names& self) {
+    struct counted {
+        std::size_t& all;
+        ~counted() { --all; }
+    } guard{self.writers_};
+    while (!self.queue_.empty()) {
+        auto group = self.next_group();
+        std::vector<store_step> steps;
+        for (const auto& one : group) steps.insert(steps.end(), one->steps.begin(), one->steps.end());
+        auto written = co_await self.store_.write(std::move(steps));
+        if (!written && written.error().code() == errc::no_such_name && group.size() > 1) { // a lease of one of them
+            for (const auto& one : group) {
+                auto own = one->steps;
+                auto outcome = co_await self.store_.write(std::move(own));
+                one->settle(std::move(outcome));
+            }
+            continue;
+        }
+        std::size_t at = 0;
+        for (const auto& one : group) {
+            if (!written) {
+                one->settle(written.error());
+                continue;
+            }
+            auto begin = written->begin() + static_cast<std::ptrdiff_t>(at);
+            at += one->steps.size();
+            one->settle(std::vector<store_outcome>(begin, written->begin() + static_cast<std::ptrdiff_t>(at)));
+        }
+    }
 }
 
 // The registry changes in the order of the store only.
@@ -305,7 +384,7 @@ task<> shared_names::keep_here(naming::node_identity who, duration lease) {
         step.lease = record.store_lease;
         step.expected = there ? known->second.changed : 0;
         std::vector<store_step> steps(1, step);
-        auto written = co_await store_.write(std::move(steps));
+        auto written = co_await commit(std::move(steps));
         if (!written && written.error().code() == errc::no_such_name) { // the lease has run out meanwhile
             lose_node(key);
             continue;
@@ -473,7 +552,7 @@ task<> shared_names::end_node(shared_names& self, std::uint64_t lease_key) {
     step.expected = known->second.changed;
     step.erase = true;
     std::vector<store_step> steps(1, step);
-    auto written = co_await self.store_.write(std::move(steps));
+    auto written = co_await self.commit(std::move(steps));
     if (!written) {
         self.obstacle_ = written.error().message();
         co_return; // nobody renews it, and it is ended as soon as the store answers

@@ -7,6 +7,7 @@
 #include <ise/name_server/registry.hpp>
 
 #include <functional>
+#include <list>
 #include <map>
 #include <memory>
 #include <optional>
@@ -68,6 +69,17 @@ private:
         std::uint64_t lease_key = 0, created = 0, changed = 0, store_lease = 0;
     };
 
+    struct queued_write {
+        std::vector<store_step> steps;
+        std::optional<result<std::vector<store_outcome>>> outcome;
+        waiter<>* author = nullptr; // null: nobody waits for the outcome any more
+
+        void settle(result<std::vector<store_outcome>> with) {
+            outcome.emplace(std::move(with));
+            if (author) author->resume();
+        }
+    };
+
     static task<> watch(shared_names& self);
     static task<> tend(shared_names& self);
     static task<> keep_leases(shared_names& self);
@@ -83,6 +95,10 @@ private:
     /// The node is kept by this server, with a lease in the store that holds long enough.
     task<> keep_here(naming::node_identity who, duration lease);
     task<std::vector<store_outcome>> write(std::vector<store_step> steps);
+    /// `name_store::write`, together with what others want to write at that time.
+    task<result<std::vector<store_outcome>>> commit(std::vector<store_step> steps);
+    static task<> write_queue(shared_names& self);
+    std::vector<std::shared_ptr<queued_write>> next_group();
     task<> catch_up(std::uint64_t revision);
     [[noreturn]] void give_up(const failure& why);
     bool confirmed_within(const known_node& node, duration age) const {
@@ -114,6 +130,8 @@ private:
     duration answer_took_{};             // to that question
     std::optional<time_point> asked_at_; // that question again, which is not answered yet
     std::size_t keeping_ = 0;            // renewals that are not answered yet
+    std::list<std::shared_ptr<queued_write>> queue_;
+    std::size_t writers_ = 0; // that empty it
     std::vector<waiter<>*> catching_up_;
 };
 

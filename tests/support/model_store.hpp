@@ -28,6 +28,7 @@ struct model_cluster {
     std::map<std::uint64_t, lease> leases;
     std::vector<ise::store_change> history; // after `compacted`
     std::uint64_t revision = 1, compacted = 0;
+    std::size_t transactions = 0;
     // Faults.
     bool majority = true;                         ///< false: nothing is answered
     std::set<std::string> cut_off;                ///< name servers that reach a minority only
@@ -96,6 +97,7 @@ public:
         const auto until = on_.now() + patience;
         auto way = co_await reach(until);
         if (!way) co_return way.error();
+        ++of_.transactions;
         if (of_.full) co_return ise::failure(ise::errc::refused, "database space exceeded");
         for (const auto& one : steps)
             if (one.lease != 0 && !of_.leases.contains(one.lease))

@@ -233,6 +233,30 @@ TEST_CASE("shared names: after all name servers were killed every name is there 
     CHECK(it.epoch_at(2, "atirma/first") != 0);
 }
 
+TEST_CASE("shared names: many nodes that come to another name server at once come with few transactions") {
+    constexpr int nodes = 100;
+    shared_system it;
+    auto path = [](int n) { return fmt::format("atirma/doubler{}", n); };
+    auto all_held = [&] {
+        for (int n = 0; n != nodes; ++n)
+            if (!it.held_everywhere(path(n))) return false;
+        return true;
+    };
+    for (const char* name_server : {"ns0", "ns1", "ns2"}) it.cluster.latency[name_server] = 20ms;
+    for (int n = 0; n != nodes; ++n) it.start_doubler(fmt::format("boat{}", n), path(n));
+    REQUIRE(it.world.run_until(all_held, 10s));
+    it.world.run_for(3s);
+    const auto granted = it.cluster.keys;
+    const auto before = it.cluster.transactions;
+    it.process[0]->crash();
+    it.world.run_for(5s);
+    for (const auto& [key, one] : granted)
+        if (key.starts_with("node/")) CHECK(it.cluster.keys[key].changed > one.changed);
+    CHECK(it.cluster.transactions - before < nodes);
+    it.world.run_for(15s);
+    for (const auto& [key, one] : granted) CHECK(it.cluster.keys[key].created == one.created);
+}
+
 TEST_CASE("shared names: without a majority those who have met go on, nobody new is granted, and all say so") {
     shared_system it;
     it.start_doubler("boat", "atirma/doubler");
