@@ -377,7 +377,7 @@ naming::holder registry::holder_of(const component& held, time_point at) const {
     if (!held.claim.endpoints.empty()) who.endpoint = held.claim.endpoints.front();
     who.lease_age = at - held.owner->renewed;
     who.renewals = held.owner->renewals;
-    if (options_.shared && held.owner->expires == time_point::max()) // kept by another server
+    if (kept_elsewhere(*held.owner))
         who.renewals +=
             static_cast<std::uint64_t>((at - std::max(held.owner->renewed, heard_since_)) / unheard_renewal);
     return who;
@@ -389,10 +389,11 @@ naming::grant registry::denied(const std::string& path, verdict what, const comp
     made.what = what;
     made.held_by.push_back(holder_of(held, at));
     const auto& who = made.held_by.back();
-    made.reason = fmt::format("'{}' is held by process {} on {}{} under epoch {}, whose lease was renewed {} ms ago: "
-                              "end it, or choose another path",
-                              path, who.process_id, who.host_name, who.endpoint.empty() ? "" : " at " + who.endpoint,
-                              who.epoch, std::chrono::duration_cast<std::chrono::milliseconds>(who.lease_age).count());
+    auto age = std::chrono::duration_cast<std::chrono::milliseconds>(who.lease_age).count();
+    made.reason = fmt::format(
+        "'{}' is held by process {} on {}{} under epoch {}, whose lease {}: end it, or choose another path", path,
+        who.process_id, who.host_name, who.endpoint.empty() ? "" : " at " + who.endpoint, who.epoch,
+        kept_elsewhere(*held.owner) ? "another name server keeps" : fmt::format("was renewed {} ms ago", age));
     return made;
 }
 

@@ -172,6 +172,8 @@ private:
     naming::role_member member(const component& who, std::int32_t priority) const;
     void remove(const std::string& path);
     void remember(const std::string& path, last_holder who);
+    /// Its renewals are not heard here.
+    bool kept_elsewhere(const node& one) const noexcept { return options_.shared && one.expires == time_point::max(); }
     naming::holder holder_of(const component& held, time_point at) const;
     naming::grant denied(const std::string& path, naming::verdict what, const component& held, time_point at) const;
     naming::listed_name listed(const component& held) const;

@@ -133,6 +133,40 @@ TEST_CASE("shared names: what one name server grants is found at all, under the 
     CHECK(it.warnings.empty());
 }
 
+TEST_CASE("shared names: only the name server that keeps a lease tells when it was renewed") {
+    shared_system it;
+    it.start_doubler("boat", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
+    it.world.run_for(10s);
+    for (const char* name_server : {"ns0", "ns2"}) {
+        std::optional<std::pair<ise::duration, ise::duration>> ages;
+        std::optional<ise::duration> lease;
+        auto where = ise::endpoint::parse("tcp://" + it.world.host(name_server).address() + ":7400").value();
+        it.start(name_server, "desk", [&](ise::node& node) {
+            node.start(
+                std::string("test/") + name_server,
+                [&](ise::component& self) -> ise::task<> {
+                    auto server = self.at(where);
+                    ise::naming::describe_request of;
+                    of.path = "atirma/doubler";
+                    auto described = co_await server.call(ise::naming::describe, of, 5s);
+                    ise::naming::list_request below;
+                    below.prefix = "atirma";
+                    auto listed = co_await server.call(ise::naming::list, below, 5s);
+                    lease = described.lease;
+                    ages.emplace(described.lease_age, listed.names.at(0).lease_age);
+                },
+                everywhere());
+        });
+        REQUIRE(it.world.run_until([&] { return ages.has_value(); }, 5s));
+        CAPTURE(name_server);
+        const bool keeps = std::string(name_server) == "ns0";
+        CHECK(*lease == (keeps ? ise::duration(2s) : ise::duration()));
+        CHECK(ages->first <= ise::duration(1s));
+        CHECK(ages->second <= ise::duration(1s));
+    }
+}
+
 TEST_CASE("shared names: when a node dies its name is free within the lease, and the next grant has a higher epoch") {
     shared_system it;
     auto& boat = it.start_doubler("boat", "atirma/doubler");
