@@ -15,8 +15,8 @@ using naming::verdict;
 constexpr duration min_lease = std::chrono::milliseconds(50);
 // A lease that another server keeps is not heard being renewed, so it counts as renewed once in so long. Claimants give
 // up after two renewals, the first of which may be due just then: a lease in the store whose node has died ends sooner,
-// also after an election there, which begins it anew.
-constexpr duration unheard_renewal = std::chrono::seconds(15);
+// also where its name server has kept it for a while, or an election in the store began it anew.
+constexpr duration unheard_renewal = std::chrono::seconds(20);
 
 std::uint64_t microseconds_of(wall_time wall) {
     auto count = std::chrono::duration_cast<std::chrono::microseconds>(wall.time_since_epoch()).count();

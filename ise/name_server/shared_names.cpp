@@ -22,6 +22,9 @@ constexpr duration prompt = std::chrono::milliseconds(500);
 // Each lease is renewed four times in its length, and each renewal may take half of it: the store gets the next one
 // though the last one is not answered.
 constexpr duration keep_period = shared_names::store_lease / 4, keep_patience = shared_names::store_lease / 2;
+// The lease of a node that asks for nothing is kept for so long: one that is alive and refused here tries all name
+// servers in that time, and one that has died goes from the store before others take it for alive (registry.cpp).
+constexpr duration keep_silent = std::chrono::seconds(8);
 // Renewals under way at once: so many, and one more every `keep_pace` while the store has not answered them.
 constexpr std::size_t few_keeps = 8, max_keeps = 512;
 constexpr duration keep_pace = std::chrono::milliseconds(5);
@@ -199,12 +202,15 @@ void shared_names::take_node(const store_entry& entry) {
         one.confirmed.reset();
         one.tried.reset();
     }
+    const bool taken_over = read.server == incarnation_ && one.what.server != incarnation_;
     one.changed = entry.changed;
     one.what.who = read.who;
     one.what.lease = read.lease;
     one.what.store_lease = read.store_lease;
     one.what.server = read.server;
     names_.know_node(read.who, read.lease, read.server == incarnation_, on_.now());
+    // Until it renews here it may be at a name server that does not know yet, because it has given this one up.
+    if (taken_over) names_.extend(read.who.lease_key, store_lease, on_.now());
 }
 
 void shared_names::lose_node(std::uint64_t lease_key) {
@@ -345,7 +351,12 @@ task<> shared_names::catch_up(std::uint64_t revision) {
     }
 }
 
+void shared_names::note_asked(std::uint64_t lease_key) {
+    if (auto known = nodes_.find(lease_key); known != nodes_.end()) known->second.asked = on_.now();
+}
+
 task<> shared_names::keep_here(naming::node_identity who, duration lease) {
+    note_asked(who.lease_key);
     if (auto why = trouble(); !why.empty()) throw error(errc::refused, why);
     const auto key = who.lease_key;
     // The short lease, granted now, ends before that of the store, also by a clock that is a little slow.
@@ -358,6 +369,7 @@ task<> shared_names::keep_here(naming::node_identity who, duration lease) {
             if (confirmed_within(known->second, margin)) co_return;
             auto sent = on_.now();
             auto number = known->second.what.store_lease;
+            known->second.tried = sent;
             auto kept = co_await store_.keep(number, name_store::patience);
             known = nodes_.find(key);
             if (kept && known != nodes_.end() && known->second.what.store_lease == number) {
@@ -393,7 +405,10 @@ task<> shared_names::keep_here(naming::node_identity who, duration lease) {
         unwritable_.reset();
         co_await catch_up(written->front().revision);
         known = nodes_.find(key);
-        if (written->front().done && !there && known != nodes_.end()) known->second.confirmed = sent;
+        if (written->front().done && !there && known != nodes_.end()) {
+            known->second.confirmed = sent;
+            known->second.asked = sent;
+        }
     }
     throw error(errc::refused, "another name server keeps this node's lease now; ask again");
 }
@@ -495,6 +510,7 @@ task<naming::register_response> shared_names::enroll(naming::register_request re
 }
 
 task<naming::renew_response> shared_names::renew(naming::renew_request request) {
+    note_asked(request.lease_key);
     if (auto why = trouble(); !why.empty()) throw error(errc::refused, why);
     naming::renew_response response;
     response.server_incarnation = incarnation_;
@@ -614,8 +630,8 @@ task<> shared_names::tend(shared_names& self) {
 }
 
 bool shared_names::due(const known_node& node) const {
-    return node.what.server == incarnation_ && !node.ending && !confirmed_within(node, keep_period) &&
-           (!node.tried || on_.now() - *node.tried >= keep_period);
+    return node.what.server == incarnation_ && !node.ending && node.asked && on_.now() - *node.asked < keep_silent &&
+           !confirmed_within(node, keep_period) && (!node.tried || on_.now() - *node.tried >= keep_period);
 }
 
 // Whatever `tend` finds: a store that answers too late for grants still gets the renewals in time.

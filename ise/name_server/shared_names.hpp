@@ -61,7 +61,8 @@ private:
         node_record what;
         std::uint64_t changed = 0;
         std::optional<time_point> confirmed; // when the last renewal in the store was sent that succeeded
-        std::optional<time_point> tried;     // when `keep_leases` has sent the last one, or nothing: it failed
+        std::optional<time_point> tried;     // when the last one was sent, or nothing: it failed at once
+        std::optional<time_point> asked;     // when it asked this server for something last, in vain or not
         bool ending = false;
     };
     struct known_name {
@@ -104,6 +105,7 @@ private:
     bool confirmed_within(const known_node& node, duration age) const {
         return node.confirmed && on_.now() - *node.confirmed < age;
     }
+    void note_asked(std::uint64_t lease_key);
     bool due(const known_node& node) const;
     bool answers_slowly() const;
     void heard() { heard_at_ = on_.now(); }

@@ -2,7 +2,7 @@
 from etcd import Cluster, History, NameServers
 from world import Rules, World
 
-DELAY_MS, SLOW_S = 800, 35  # the members confirm a leader's answer in two ways; longer than three leases in the store
+DELAY_MS, SLOW_S = 900, 35  # the members confirm a leader's answer in two ways; longer than three leases in the store
 
 
 def tell(world: World):
