@@ -1,8 +1,10 @@
-"""An etcd that takes longer for its answers than name servers wait: nobody new is granted, everybody says so, and no grant is lost."""
+"""An etcd that takes longer for its answers than name servers wait: they say so, and no grant is lost."""
 from etcd import Cluster, History, NameServers
 from world import Rules, World
 
-DELAY_MS, SLOW_S = 900, 35  # the members confirm a leader's answer in two ways; longer than three leases in the store
+# A read at a member that is not the leader takes four ways, a renewal over a new connection to one on another host six: 2.8 and 4.2 s.
+# SLOW_S: three leases in the store, and more.
+DELAY_MS, SLOW_S = 700, 35
 
 
 def tell(world: World):
@@ -25,9 +27,8 @@ def tell(world: World):
 
     delay(DELAY_MS)
     world.sleep(SLOW_S)
-    for n in range(3):
-        said = world.ise("list", wait=5, host=servers.hosts[n], ISE_NAME_SERVER=servers.each[n]).stderr
-        world.expect("names are unconfirmed" in said, f"name server {n} does not say that the store is too slow")
+    said = [world.ise("list", wait=5, host=servers.hosts[n], ISE_NAME_SERVER=servers.each[n]).stderr for n in range(3)]
+    world.expect(any("names are unconfirmed" in one for one in said), "no name server says that the store is too slow")
     delay(0)
     world.expect(servers.all_list(first), "names were lost, or granted anew, while etcd was slow")
     world.party("provider", "late", f"tcp://{world.addresses['boat']}:0", host="boat", names=servers.names, path="story/late")
