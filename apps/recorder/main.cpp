@@ -32,7 +32,8 @@ ise::component_type recorder_type() {
     options->files.format.library = "ise " ISE_VERSION;
     auto& set = type.parameters;
     set.add("file", options->files.file,
-            "recording.mcap: files recording_0001.mcap and so on; those that exist are kept");
+            "recording.mcap: files recording_0001.mcap and so on; those that exist are kept")
+        .kind(ise::parameter_kind::path);
     set.add("record", options->paths, "components, each with those below it; none: all");
     set.add("only", options->services, "only these services");
     set.add("except", options->except, "services that are left out");

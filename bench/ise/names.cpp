@@ -2,6 +2,7 @@
 #include "collector.hpp"
 #include "programs.hpp"
 
+#include <ise/naming/name_servers.hpp>
 #include <ise/naming/services.hpp>
 #include <ise/service/service_host.hpp>
 
@@ -110,7 +111,7 @@ void serve_names(const options& asked) {
     ise::real_environment env;
     auto how_the_node = node_options();
     how_the_node.use_names = true;
-    how_the_node.name_servers = {ise::endpoint::parse(asked.connect).value()};
+    how_the_node.name_servers = ise::parse_name_servers(asked.connect).value();
     ise::node crowd(env, how_the_node);
     for (std::size_t i = asked.first; i != asked.first + asked.outstanding; ++i) {
         ise::component_options how;

@@ -46,7 +46,7 @@ struct span {
 
 inline constexpr ise::duration generous = std::chrono::seconds(10); ///< the deadline of every call
 
-/// Work `names`: a node at the name server `--connect` with `--outstanding` components of `--services` services each,
+/// Work `names`: a node at the name servers `--connect` with `--outstanding` components of `--services` services each,
 /// from the number `--first` on.
 void serve_names(const options& asked);
 /// Prints a line of JSON of its own: how many of `--outstanding` names the name server resolves a second, measured for

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <charconv>
 #include <iterator>
+#include <optional>
 #include <utility>
 
 namespace ise {
@@ -105,6 +106,36 @@ bool names_several_hosts(std::string_view url) {
     return url.starts_with("postgresql://") || url.starts_with("postgres://");
 }
 
+// What libpq makes of %2F in a value; nothing: it would refuse it.
+std::optional<std::string> decoded(std::string_view value) {
+    std::string made;
+    for (std::size_t at = 0; at != value.size(); ++at) {
+        if (value[at] != '%') {
+            made += value[at];
+            continue;
+        }
+        unsigned char byte = 0;
+        const char* end = value.data() + std::min(at + 3, value.size());
+        auto read = std::from_chars(value.data() + at + 1, end, byte, 16);
+        if (at + 2 >= value.size() || read.ec != std::errc() || read.ptr != end || byte == 0) return std::nullopt;
+        made += static_cast<char>(byte);
+        at += 2;
+    }
+    return made;
+}
+
+// libpq's parameters that are read, written or searched as a file or folder, also those of later versions.
+bool names_file(std::string_view key) {
+    static constexpr std::string_view all[] = {"passfile", "sslkey",    "sslcert",       "sslrootcert",
+                                               "sslcrl",   "sslcrldir", "sslkeylogfile", "servicefile"};
+    return std::ranges::find(all, key) != std::end(all);
+}
+
+// Parameters that replace what is written before the database.
+bool names_server(std::string_view key) {
+    return key == "host" || key == "hostaddr" || key == "port" || key == "service";
+}
+
 // "postgresql://user@a:5432,b/database?sslmode=require": the servers that libpq would connect to. libpq lets parameters
 // replace the hosts, takes all up to an "@" before the first "/" for a user, and knows no fragment.
 result<std::vector<url_parts>> servers_of(std::string_view url) {
@@ -114,13 +145,18 @@ result<std::vector<url_parts>> servers_of(std::string_view url) {
     auto rest = std::string_view(plain).substr(end);
     if (rest.substr(0, rest.find('/')).find('@') != rest.npos || rest.find('#') != rest.npos)
         return no_url(url, "a # or an @ follows its hosts");
+    std::vector<std::string> files;
     for (auto words = rest.substr(std::min(rest.find('?'), rest.size())); !words.empty();) {
         words.remove_prefix(1);
         auto word = words.substr(0, words.find('&'));
         words.remove_prefix(word.size());
         auto key = word.substr(0, word.find('='));
-        if (key == "host" || key == "hostaddr" || key == "port" || key.find('%') != key.npos)
+        if (names_server(key) || key.find('%') != key.npos)
             return no_url(url, "hosts and ports are written before the database");
+        if (!names_file(key)) continue;
+        auto value = decoded(word.substr(std::min(key.size() + 1, word.size())));
+        if (!value) return no_url(url, fmt::format("the value of {} is not one in a URL", key));
+        if (!value->empty() && !(key == "sslrootcert" && *value == "system")) files.push_back(std::move(*value));
     }
     std::vector<url_parts> all;
     for (auto from = begin; from <= end;) {
@@ -130,6 +166,7 @@ result<std::vector<url_parts>> servers_of(std::string_view url) {
         all.push_back(std::move(*one));
         from = next + 1;
     }
+    all.front().files = std::move(files);
     return all;
 }
 } // namespace

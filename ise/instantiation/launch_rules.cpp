@@ -63,6 +63,10 @@ result<void> may_reach_all(const launch_rules& rules, const std::string& text) {
     for (const auto& one : *targets) {
         auto may = may_reach(rules, one);
         if (!may) return may;
+        for (const auto& file : one.files)
+            if (auto named = may_name_path(rules, file); !named)
+                return not_allowed(
+                    fmt::format("the file '{}' in it is not allowed: {}", shown(file), named.error().message()));
     }
     return {};
 }

@@ -23,7 +23,7 @@ struct launch_rules {
     /// Whether a component may listen there.
     result<endpoint> may_listen(const std::string& text) const;
     /// Whether a parameter may have a value that `ise::check` let pass: by its kind, for all that names something
-    /// outside the component. A URL in a text counts as one.
+    /// outside the component. A URL in a text counts as one, and a file that a URL of PostgreSQL names as a path.
     result<void> may_be(const parameter& of, const std::string& value) const;
 };
 

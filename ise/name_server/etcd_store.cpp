@@ -17,7 +17,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr std::size_t max_idle_lines = 4;
+constexpr std::size_t max_idle_lines = 16;
 constexpr std::size_t max_head_bytes = 16 * 1024;
 
 std::string coded(std::string_view text) { return detail::to_base64(as_bytes(text)); }
@@ -61,6 +61,15 @@ std::string first_line(std::string_view text) {
     std::ranges::replace_if(
         printable, [](unsigned char letter) { return letter < 0x20 || letter >= 0x7f; }, '?');
     return printable;
+}
+
+// What an answer that is no success says. Of a stream, such as the renewal of a lease, the error is an object.
+std::string words_of(const std::string& answer) {
+    auto parsed = json::parse(answer, nullptr, false);
+    auto found = parsed.is_object() ? parsed.find("error") : parsed.end();
+    if (!parsed.is_object() || found == parsed.end()) return first_line(answer);
+    const auto& words = found->is_object() && found->contains("message") ? (*found)["message"] : *found;
+    return words.is_string() ? words.get<std::string>() : first_line(answer);
 }
 
 bool same_word(std::string_view a, std::string_view b) {
@@ -219,16 +228,15 @@ private:
 etcd_store::etcd_store(loop& on, etcd_options options) : on_(on), options_(std::move(options)) {}
 etcd_store::~etcd_store() = default;
 
-void etcd_store::pass_over(std::size_t member) {
-    if (member != member_) return; // another question has found it out before
-    member_ = (member_ + 1) % options_.members.size();
-    idle_.clear();
-    token_.clear();
-    if (watching_) watching_->close();
+void etcd_store::pass_over(route& by, std::size_t member) {
+    if (member != by.member) return; // another question has found it out before
+    by.member = (by.member + 1) % options_.members.size();
+    by.idle.clear(); // the token stays: all members know it
+    if (&by == &asking_ && watching_) watching_->close();
 }
 
-task<result<std::unique_ptr<etcd_store::line>>> etcd_store::dial(time_point deadline) {
-    auto to = options_.members[member_];
+task<result<std::unique_ptr<etcd_store::line>>> etcd_store::dial(std::size_t member, time_point deadline) {
+    auto to = options_.members[member];
     security with;
     with.tls = options_.tls;
     auto made = co_await net::connect_until(on_, to, deadline, std::move(with));
@@ -243,17 +251,17 @@ std::string etcd_store::request_text(std::string_view target, const std::string&
                        body);
 }
 
-task<result<std::string>> etcd_store::post_once(std::string target, std::string body, duration within) {
+task<result<std::string>> etcd_store::post_once(route& by, std::string target, std::string body, duration within) {
     auto deadline = saturating_add(on_.now(), within);
-    const auto member = member_;
+    const auto member = by.member;
     std::unique_ptr<line> over;
-    if (!idle_.empty()) {
-        over = std::move(idle_.back());
-        idle_.pop_back();
+    if (!by.idle.empty()) {
+        over = std::move(by.idle.back());
+        by.idle.pop_back();
     } else {
-        auto made = co_await dial(deadline);
+        auto made = co_await dial(member, deadline);
         if (!made) {
-            pass_over(member);
+            pass_over(by, member);
             co_return made.error();
         }
         over = std::move(*made);
@@ -278,30 +286,33 @@ task<result<std::string>> etcd_store::post_once(std::string target, std::string 
         if (answer.size() > max_answer_bytes) why = failure(errc::too_large, "an answer beyond max_answer_bytes");
     }
     if (why) {
-        pass_over(member);
+        pass_over(by, member);
         co_return *why;
     }
-    if (over->reusable() && member == member_ && idle_.size() < max_idle_lines) {
+    if (over->reusable() && member == by.member && by.idle.size() < max_idle_lines) {
         over->until(time_point::max());
-        idle_.push_back(std::move(over));
+        by.idle.push_back(std::move(over));
+    }
+    if (status == 200 && &by == &asking_ && keeping_.member != member) { // this one is known to work
+        keeping_.member = member;
+        keeping_.idle.clear();
     }
     if (status == 200) co_return answer;
-    auto parsed = json::parse(answer, nullptr, false);
-    auto words = parsed.is_object() ? parsed.value("error", std::string()) : first_line(answer);
+    auto words = words_of(answer);
     if (words.find("lease not found") != words.npos) co_return failure(errc::no_such_name, words);
     if (status == 401 || words.find("invalid auth token") != words.npos) {
         token_.clear();
         co_return failure(errc::unauthorized, fmt::format("etcd refuses the user '{}': {}", options_.user, words));
     }
-    if (status >= 500) pass_over(member); // no leader, or it stops
+    if (status >= 500) pass_over(by, member); // no leader, or it stops
     co_return failure(errc::refused, fmt::format("etcd refuses: {} (HTTP status {})", words, status));
 }
 
-task<result<void>> etcd_store::log_in() {
+task<result<void>> etcd_store::log_in(route& by, duration within) {
     json who;
     who["name"] = options_.user;
     who["password"] = options_.password;
-    auto outcome = co_await post_once("auth/authenticate", who.dump(), patience);
+    auto outcome = co_await post_once(by, "auth/authenticate", who.dump(), within);
     if (!outcome) co_return outcome.error();
     auto read = json::parse(*outcome, nullptr, false);
     if (read.is_object()) token_ = read.value("token", std::string());
@@ -310,18 +321,18 @@ task<result<void>> etcd_store::log_in() {
     co_return result<void>();
 }
 
-task<result<std::string>> etcd_store::post(std::string target, std::string body, duration within) {
+task<result<std::string>> etcd_store::post(route& by, std::string target, std::string body, duration within) {
     if (!options_.user.empty() && token_.empty()) {
-        auto in = co_await log_in();
+        auto in = co_await log_in(by, within);
         if (!in) co_return in.error();
     }
     auto again = target;
     auto what = body;
-    auto outcome = co_await post_once(std::move(target), std::move(body), within);
+    auto outcome = co_await post_once(by, std::move(target), std::move(body), within);
     if (outcome || options_.user.empty() || outcome.error().code() != errc::unauthorized) co_return outcome;
-    auto in = co_await log_in(); // a token lives five minutes
+    auto in = co_await log_in(by, within); // a token lives five minutes
     if (!in) co_return in.error();
-    co_return co_await post_once(std::move(again), std::move(what), within);
+    co_return co_await post_once(by, std::move(again), std::move(what), within);
 }
 
 // --- operations -------------------------------------------------------------------------------------------------
@@ -434,16 +445,16 @@ task<result<void>> etcd_store::grant(std::uint64_t lease, duration length) {
     co_return result<void>();
 }
 
-task<result<void>> etcd_store::keep(std::uint64_t lease) {
+task<result<void>> etcd_store::keep(std::uint64_t lease, duration within) {
     json question;
     question["ID"] = std::to_string(lease);
-    auto outcome = co_await post("lease/keepalive", question.dump());
+    auto outcome = co_await post(keeping_, "lease/keepalive", question.dump(), within);
     if (!outcome) co_return outcome.error();
     auto answer = json::parse(*outcome, nullptr, false);
-    auto within = answer.is_object() ? answer.find("result") : answer.end();
-    if (!answer.is_object() || within == answer.end())
+    auto renewed = answer.is_object() ? answer.find("result") : answer.end();
+    if (!answer.is_object() || renewed == answer.end())
         co_return failure(errc::refused, fmt::format("etcd renews no lease: {}", outcome->substr(0, 200)));
-    if (number(*within, "TTL") == 0) co_return failure(errc::no_such_name, "etcd: the lease is over");
+    if (number(*renewed, "TTL") == 0) co_return failure(errc::no_such_name, "etcd: the lease is over");
     co_return result<void>();
 }
 
@@ -458,13 +469,14 @@ task<result<void>> etcd_store::revoke(std::uint64_t lease) {
 task<failure> etcd_store::follow(std::uint64_t revision,
                                  std::function<void(const std::vector<store_change>&, std::uint64_t)> on_changes) {
     if (!options_.user.empty() && token_.empty()) {
-        auto in = co_await log_in();
+        auto in = co_await log_in(asking_, patience);
         if (!in) co_return in.error();
     }
     auto deadline = saturating_add(on_.now(), patience);
-    auto made = co_await dial(deadline);
+    const auto member = asking_.member;
+    auto made = co_await dial(member, deadline);
     if (!made) {
-        pass_over(member_);
+        pass_over(asking_, member);
         co_return made.error();
     }
     auto over = std::move(*made);

@@ -34,31 +34,39 @@ public:
     task<result<std::vector<store_outcome>>> write(std::vector<store_step> steps) override;
     task<result<void>> probe() override;
     task<result<void>> grant(std::uint64_t lease, duration length) override;
-    task<result<void>> keep(std::uint64_t lease) override;
+    task<result<void>> keep(std::uint64_t lease, duration within) override;
     task<result<void>> revoke(std::uint64_t lease) override;
     task<failure> follow(std::uint64_t revision,
                          std::function<void(const std::vector<store_change>&, std::uint64_t)> on_changes) override;
 
-    static constexpr duration patience = std::chrono::milliseconds(1500); ///< for one answer
     static constexpr std::size_t max_answer_bytes = std::size_t{512} << 20;
 
 private:
     class line;
 
-    task<result<std::unique_ptr<line>>> dial(time_point deadline);
+    /// The member that is asked at present, and connections to it. Renewals of leases stay at a member that is too slow
+    /// for all else.
+    struct route {
+        std::size_t member = 0;
+        std::vector<std::unique_ptr<line>> idle;
+    };
+
+    task<result<std::unique_ptr<line>>> dial(std::size_t member, time_point deadline);
     /// The answer's JSON. Tries the next member the next time after a failure. Cancellation: terminal.
-    task<result<std::string>> post(std::string target, std::string body, duration within = patience);
+    task<result<std::string>> post(std::string target, std::string body) {
+        return post(asking_, std::move(target), std::move(body), patience);
+    }
+    task<result<std::string>> post(route& by, std::string target, std::string body, duration within);
     /// `more`: further lines of its head.
     std::string request_text(std::string_view target, const std::string& body, std::string_view more = {}) const;
-    task<result<std::string>> post_once(std::string target, std::string body, duration within);
-    task<result<void>> log_in();
-    void pass_over(std::size_t member);
+    task<result<std::string>> post_once(route& by, std::string target, std::string body, duration within);
+    task<result<void>> log_in(route& by, duration within);
+    void pass_over(route& by, std::size_t member);
 
     loop& on_;
     etcd_options options_;
-    std::size_t member_ = 0;
+    route asking_, keeping_;
     std::string token_;
-    std::vector<std::unique_ptr<line>> idle_; // to the present member
     line* watching_ = nullptr;
 };
 

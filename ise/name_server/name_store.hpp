@@ -63,8 +63,9 @@ public:
 
     /// A lease of a number that was never used; errors as above. Cancellation: terminal; it may have been made.
     virtual task<result<void>> grant(std::uint64_t lease, duration length) = 0;
-    /// Renews a lease by its length. errc::no_such_name: it is over. Cancellation: terminal.
-    virtual task<result<void>> keep(std::uint64_t lease) = 0;
+    /// Renews a lease by its length, counted from when the store reads the request. errc::no_such_name: it is over;
+    /// errc::timed_out: no answer in that time, it may be renewed. Cancellation: terminal.
+    virtual task<result<void>> keep(std::uint64_t lease, duration within) = 0;
     /// Ends a lease and its keys; errors as above. Cancellation: terminal.
     virtual task<result<void>> revoke(std::uint64_t lease) = 0;
 
@@ -74,6 +75,8 @@ public:
                                  std::function<void(const std::vector<store_change>&, std::uint64_t)> on_changes) = 0;
 
     static constexpr std::size_t max_steps = 100;
+    static constexpr duration patience =
+        std::chrono::milliseconds(1500); ///< for one answer, where nothing else is said
 };
 
 } // namespace ise

@@ -13,6 +13,10 @@ namespace {
 using naming::verdict;
 
 constexpr duration min_lease = std::chrono::milliseconds(50);
+// A lease that another server keeps is not heard being renewed, so it counts as renewed once in so long. Claimants give
+// up after two renewals, the first of which may be due just then: a lease in the store whose node has died ends sooner,
+// also where its name server has kept it for a while, or an election in the store began it anew.
+constexpr duration unheard_renewal = std::chrono::seconds(20);
 
 std::uint64_t microseconds_of(wall_time wall) {
     auto count = std::chrono::duration_cast<std::chrono::microseconds>(wall.time_since_epoch()).count();
@@ -373,11 +377,9 @@ naming::holder registry::holder_of(const component& held, time_point at) const {
     if (!held.claim.endpoints.empty()) who.endpoint = held.claim.endpoints.front();
     who.lease_age = at - held.owner->renewed;
     who.renewals = held.owner->renewals;
-    // Kept by another server, which is not heard renewing it: it lives as long as the store's lease, which is shorter
-    // than two of these.
-    if (options_.shared && held.owner->expires == time_point::max())
+    if (kept_elsewhere(*held.owner))
         who.renewals +=
-            static_cast<std::uint64_t>((at - std::max(held.owner->renewed, heard_since_)) / std::chrono::seconds(6));
+            static_cast<std::uint64_t>((at - std::max(held.owner->renewed, heard_since_)) / unheard_renewal);
     return who;
 }
 
@@ -387,10 +389,11 @@ naming::grant registry::denied(const std::string& path, verdict what, const comp
     made.what = what;
     made.held_by.push_back(holder_of(held, at));
     const auto& who = made.held_by.back();
-    made.reason = fmt::format("'{}' is held by process {} on {}{} under epoch {}, whose lease was renewed {} ms ago: "
-                              "end it, or choose another path",
-                              path, who.process_id, who.host_name, who.endpoint.empty() ? "" : " at " + who.endpoint,
-                              who.epoch, std::chrono::duration_cast<std::chrono::milliseconds>(who.lease_age).count());
+    auto age = std::chrono::duration_cast<std::chrono::milliseconds>(who.lease_age).count();
+    made.reason = fmt::format(
+        "'{}' is held by process {} on {}{} under epoch {}, whose lease {}: end it, or choose another path", path,
+        who.process_id, who.host_name, who.endpoint.empty() ? "" : " at " + who.endpoint, who.epoch,
+        kept_elsewhere(*held.owner) ? "another name server keeps" : fmt::format("was renewed {} ms ago", age));
     return made;
 }
 
@@ -417,9 +420,22 @@ void registry::know_node(const naming::node_identity& who, duration lease, bool 
     expiries_.emplace(one.expires, who.lease_key);
 }
 
-void registry::extend(std::uint64_t lease_key, time_point now) {
+void registry::extend(std::uint64_t lease_key, duration by, time_point now) {
     auto at = running_time(now);
-    if (auto known = nodes_.find(lease_key); known != nodes_.end()) renew_lease(known->second, at);
+    auto known = nodes_.find(lease_key);
+    if (known == nodes_.end()) return;
+    auto& one = known->second;
+    expiries_.erase({one.expires, lease_key});
+    // One that `expire` has found overdue has no end until then.
+    const bool overdue = one.expires == time_point::max();
+    one.expires = overdue ? saturating_add(at, by) : std::max(one.expires, saturating_add(at, by));
+    expiries_.emplace(one.expires, lease_key);
+}
+
+duration registry::silent_for(std::uint64_t lease_key, time_point now) {
+    auto at = running_time(now);
+    auto known = nodes_.find(lease_key);
+    return known == nodes_.end() ? duration::max() : at - known->second.renewed;
 }
 
 void registry::end_node(std::uint64_t lease_key, time_point now) {

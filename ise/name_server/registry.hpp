@@ -69,8 +69,10 @@ public:
     void hold(std::uint64_t lease_key, naming::component_claim claim, time_point now);
     /// Nobody holds it now.
     void drop(std::string_view path, time_point now);
-    /// The lease of a node kept here begins anew.
-    void extend(std::uint64_t lease_key, time_point now);
+    /// The lease of a node kept here ends at least so much later than now, though nothing was heard of it.
+    void extend(std::uint64_t lease_key, duration by, time_point now);
+    /// Since the lease of a node kept here was renewed.
+    duration silent_for(std::uint64_t lease_key, time_point now);
     /// The nodes kept here whose leases have run out since it was last asked.
     std::vector<std::uint64_t> take_overdue();
     /// The nodes whose processes were started with that mark.
@@ -170,6 +172,8 @@ private:
     naming::role_member member(const component& who, std::int32_t priority) const;
     void remove(const std::string& path);
     void remember(const std::string& path, last_holder who);
+    /// Its renewals are not heard here.
+    bool kept_elsewhere(const node& one) const noexcept { return options_.shared && one.expires == time_point::max(); }
     naming::holder holder_of(const component& held, time_point at) const;
     naming::grant denied(const std::string& path, naming::verdict what, const component& held, time_point at) const;
     naming::listed_name listed(const component& held) const;

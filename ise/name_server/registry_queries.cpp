@@ -91,7 +91,8 @@ naming::list_response registry::list(const naming::list_request& request, time_p
             break;
         }
         response.names.push_back(listed(at->second));
-        response.names.back().lease_age = running_time(now) - at->second.owner->renewed;
+        if (const auto& owner = *at->second.owner; !kept_elsewhere(owner))
+            response.names.back().lease_age = running_time(now) - owner.renewed;
     }
     return response;
 }
@@ -125,6 +126,7 @@ result<naming::describe_response> registry::describe(std::string_view path, time
     response.name = listed(entry);
     response.services = entry.claim.services;
     schemas_.collect(entry.claim.services, response.schemas);
+    if (kept_elsewhere(*entry.owner)) return response;
     response.lease = entry.owner->lease;
     response.lease_age = at - entry.owner->renewed;
     return response;

@@ -17,6 +17,20 @@ using naming::verdict;
 
 constexpr std::string_view node_prefix = "node/", name_prefix = "name/", offset_key = "offset";
 constexpr duration tend_period = std::chrono::milliseconds(500);
+// A store that takes longer may delay a node's renewals by as much.
+constexpr duration prompt = std::chrono::milliseconds(500);
+// Each lease is renewed four times in its length, and each renewal may take half of it: the store gets the next one
+// though the last one is not answered.
+constexpr duration keep_period = shared_names::store_lease / 4, keep_patience = shared_names::store_lease / 2;
+// The lease of a node that asks for nothing is kept for so long: one that is alive and refused here tries all name
+// servers in that time, and one that has died goes from the store before others take it for alive (registry.cpp).
+constexpr duration keep_silent = std::chrono::seconds(8);
+// Renewals under way at once: so many, and one more every `keep_pace` while the store has not answered them.
+constexpr std::size_t few_keeps = 8, max_keeps = 512;
+constexpr duration keep_pace = std::chrono::milliseconds(5);
+// Transactions under way at once; what comes meanwhile goes together with the next one. More bytes than these are not
+// put together, since etcd takes 1.5 MiB in one request.
+constexpr std::size_t max_writers = 4, max_group_bytes = 512 * 1024;
 // A majority was heard so lately that nothing is wrong.
 constexpr duration fresh = std::chrono::seconds(3);
 // Components whose claims were refused ask again within that time.
@@ -54,7 +68,8 @@ shared_names::shared_names(loop& on, environment& env, task_scope& scope, const 
       on_change_(std::move(on_change)), started_(on.now()) {
     names_.complete(false);
     scope_.spawn("watch of the store", watch(*this));
-    scope_.spawn("leases in the store", tend(*this));
+    scope_.spawn("state of the store", tend(*this));
+    scope_.spawn("leases in the store", keep_leases(*this));
 }
 
 std::string shared_names::trouble() const {
@@ -183,13 +198,19 @@ void shared_names::take_node(const store_entry& entry) {
     auto read = from_json<stored_node>(entry.value);
     auto& one = nodes_[read.who.lease_key];
     if (one.changed >= entry.changed) return;
-    if (one.what.store_lease != read.store_lease || read.server != incarnation_) one.confirmed.reset();
+    if (one.what.store_lease != read.store_lease || read.server != incarnation_) {
+        one.confirmed.reset();
+        one.tried.reset();
+    }
+    const bool taken_over = read.server == incarnation_ && one.what.server != incarnation_;
     one.changed = entry.changed;
     one.what.who = read.who;
     one.what.lease = read.lease;
     one.what.store_lease = read.store_lease;
     one.what.server = read.server;
     names_.know_node(read.who, read.lease, read.server == incarnation_, on_.now());
+    // Until it renews here it may be at a name server that does not know yet, because it has given this one up.
+    if (taken_over) names_.extend(read.who.lease_key, store_lease, on_.now());
 }
 
 void shared_names::lose_node(std::uint64_t lease_key) {
@@ -224,7 +245,7 @@ task<std::vector<store_outcome>> shared_names::write(std::vector<store_step> ste
         auto end = std::min(begin + name_store::max_steps, steps.size());
         std::vector<store_step> some(std::make_move_iterator(steps.begin() + static_cast<std::ptrdiff_t>(begin)),
                                      std::make_move_iterator(steps.begin() + static_cast<std::ptrdiff_t>(end)));
-        auto done = co_await store_.write(std::move(some));
+        auto done = co_await commit(std::move(some));
         if (!done) give_up(done.error());
         heard();
         unwritable_.reset();
@@ -233,6 +254,82 @@ task<std::vector<store_outcome>> shared_names::write(std::vector<store_step> ste
     }
     co_await catch_up(newest);
     co_return all;
+}
+
+// Of a thousand nodes that come at once, each transaction by itself would take longer than they wait.
+task<result<std::vector<store_outcome>>> shared_names::commit(std::vector<store_step> steps) {
+    auto mine = std::make_shared<queued_write>();
+    mine->steps = std::move(steps);
+    waiter<> done(on_, [&done] { done.resume(); });
+    struct awaited {
+        std::list<std::shared_ptr<queued_write>>& queue;
+        const std::shared_ptr<queued_write>& what;
+        ~awaited() {
+            what->author = nullptr;
+            queue.remove(what);
+        }
+    } guard{queue_, mine};
+    mine->author = &done;
+    queue_.push_back(mine);
+    if (writers_ < max_writers) {
+        ++writers_;
+        scope_.spawn("writes to the store", write_queue(*this));
+    }
+    while (!mine->outcome) co_await done.wait();
+    co_return *mine->outcome;
+}
+
+std::vector<std::shared_ptr<shared_names::queued_write>> shared_names::next_group() {
+    std::vector<std::shared_ptr<queued_write>> group;
+    std::set<std::string, std::less<>> keys;
+    std::size_t bytes = 0;
+    for (auto next = queue_.begin(); next != queue_.end() && keys.size() < name_store::max_steps;) {
+        const auto& steps = (*next)->steps;
+        std::size_t size = 0;
+        for (const auto& one : steps) size += one.key.size() + one.value.size();
+        const bool fits = keys.size() + steps.size() <= name_store::max_steps && bytes + size <= max_group_bytes &&
+                          std::ranges::none_of(steps, [&](const auto& one) { return keys.contains(one.key); });
+        if (!fits && !group.empty()) {
+            ++next;
+            continue;
+        }
+        for (const auto& one : steps) keys.insert(one.key);
+        bytes += size;
+        group.push_back(*next);
+        next = queue_.erase(next);
+    }
+    return group;
+}
+
+task<> shared_names::write_queue(shared_names& self) {
+    struct counted {
+        std::size_t& all;
+        ~counted() { --all; }
+    } guard{self.writers_};
+    while (!self.queue_.empty()) {
+        auto group = self.next_group();
+        std::vector<store_step> steps;
+        for (const auto& one : group) steps.insert(steps.end(), one->steps.begin(), one->steps.end());
+        auto written = co_await self.store_.write(std::move(steps));
+        if (!written && written.error().code() == errc::no_such_name && group.size() > 1) { // a lease of one of them
+            for (const auto& one : group) {
+                auto own = one->steps;
+                auto outcome = co_await self.store_.write(std::move(own));
+                one->settle(std::move(outcome));
+            }
+            continue;
+        }
+        std::size_t at = 0;
+        for (const auto& one : group) {
+            if (!written) {
+                one->settle(written.error());
+                continue;
+            }
+            auto begin = written->begin() + static_cast<std::ptrdiff_t>(at);
+            at += one->steps.size();
+            one->settle(std::vector<store_outcome>(begin, written->begin() + static_cast<std::ptrdiff_t>(at)));
+        }
+    }
 }
 
 // The registry changes in the order of the store only.
@@ -254,7 +351,12 @@ task<> shared_names::catch_up(std::uint64_t revision) {
     }
 }
 
+void shared_names::note_asked(std::uint64_t lease_key) {
+    if (auto known = nodes_.find(lease_key); known != nodes_.end()) known->second.asked = on_.now();
+}
+
 task<> shared_names::keep_here(naming::node_identity who, duration lease) {
+    note_asked(who.lease_key);
     if (auto why = trouble(); !why.empty()) throw error(errc::refused, why);
     const auto key = who.lease_key;
     // The short lease, granted now, ends before that of the store, also by a clock that is a little slow.
@@ -267,7 +369,8 @@ task<> shared_names::keep_here(naming::node_identity who, duration lease) {
             if (confirmed_within(known->second, margin)) co_return;
             auto sent = on_.now();
             auto number = known->second.what.store_lease;
-            auto kept = co_await store_.keep(number);
+            known->second.tried = sent;
+            auto kept = co_await store_.keep(number, name_store::patience);
             known = nodes_.find(key);
             if (kept && known != nodes_.end() && known->second.what.store_lease == number) {
                 known->second.confirmed = sent;
@@ -293,7 +396,7 @@ task<> shared_names::keep_here(naming::node_identity who, duration lease) {
         step.lease = record.store_lease;
         step.expected = there ? known->second.changed : 0;
         std::vector<store_step> steps(1, step);
-        auto written = co_await store_.write(std::move(steps));
+        auto written = co_await commit(std::move(steps));
         if (!written && written.error().code() == errc::no_such_name) { // the lease has run out meanwhile
             lose_node(key);
             continue;
@@ -302,7 +405,10 @@ task<> shared_names::keep_here(naming::node_identity who, duration lease) {
         unwritable_.reset();
         co_await catch_up(written->front().revision);
         known = nodes_.find(key);
-        if (written->front().done && !there && known != nodes_.end()) known->second.confirmed = sent;
+        if (written->front().done && !there && known != nodes_.end()) {
+            known->second.confirmed = sent;
+            known->second.asked = sent;
+        }
     }
     throw error(errc::refused, "another name server keeps this node's lease now; ask again");
 }
@@ -404,6 +510,7 @@ task<naming::register_response> shared_names::enroll(naming::register_request re
 }
 
 task<naming::renew_response> shared_names::renew(naming::renew_request request) {
+    note_asked(request.lease_key);
     if (auto why = trouble(); !why.empty()) throw error(errc::refused, why);
     naming::renew_response response;
     response.server_incarnation = incarnation_;
@@ -461,7 +568,7 @@ task<> shared_names::end_node(shared_names& self, std::uint64_t lease_key) {
     step.expected = known->second.changed;
     step.erase = true;
     std::vector<store_step> steps(1, step);
-    auto written = co_await self.store_.write(std::move(steps));
+    auto written = co_await self.commit(std::move(steps));
     if (!written) {
         self.obstacle_ = written.error().message();
         co_return; // nobody renews it, and it is ended as soon as the store answers
@@ -471,26 +578,39 @@ task<> shared_names::end_node(shared_names& self, std::uint64_t lease_key) {
     if (!revoked) self.log_.debug("a lease was not revoked", {{"cause", revoked.error().message()}});
 }
 
+bool shared_names::answers_slowly() const {
+    return answer_took_ > prompt || (asked_at_ && on_.now() - *asked_at_ > prompt);
+}
+
 void shared_names::tick() {
     if (!store_answers_) return; // nodes whose renewals are refused are alive all the same
     for (auto key : names_.take_overdue()) {
         auto known = nodes_.find(key);
         if (known == nodes_.end() || known->second.what.server != incarnation_ || known->second.ending) continue;
+        if (answers_slowly() && names_.silent_for(key, on_.now()) < store_lease) {
+            names_.extend(key, names_.options().lease, on_.now());
+            continue;
+        }
         known->second.ending = true;
         scope_.spawn("end of a node", end_node(*this, key));
     }
 }
 
-// While the store was away renewals were refused: each node that is kept here gets a whole lease to come back.
+// While the store was away renewals were refused. A node that is kept here may be asking other name servers, some of
+// which still do not reach the store: it gets as long as by its lease there to come back.
 void shared_names::give_time() {
     [[maybe_unused]] auto refused = names_.take_overdue();
     for (const auto& [key, one] : nodes_)
-        if (one.what.server == incarnation_ && !one.ending) names_.extend(key, on_.now());
+        if (one.what.server == incarnation_ && !one.ending) names_.extend(key, store_lease, on_.now());
 }
 
 task<> shared_names::tend(shared_names& self) {
     while (!self.scope_.stopping()) {
+        const auto asked = self.on_.now();
+        self.asked_at_ = asked;
         auto alive = co_await self.store_.probe();
+        self.asked_at_.reset();
+        self.answer_took_ = self.on_.now() - asked;
         if (alive) self.heard();
         else self.obstacle_ = alive.error().message();
         if (!alive) self.names_.heard_since(self.on_.now());
@@ -500,30 +620,51 @@ task<> shared_names::tend(shared_names& self) {
         if (self.on_.now() - self.started_ < fresh) why.clear();
         if (!why.empty() && !std::exchange(self.complained_, true)) self.log_.warning(why);
         if (why.empty() && std::exchange(self.complained_, false)) self.log_.info("the store is back");
-        std::vector<std::uint64_t> due, dead;
-        for (const auto& [key, one] : self.nodes_)
-            if (one.what.server == self.incarnation_ && !one.ending && !self.confirmed_within(one, store_lease / 4))
-                due.push_back(key);
-        for (const auto& [key, one] : self.nodes_)
-            if (one.what.server == self.incarnation_ && one.ending) dead.push_back(key);
-        if (!alive) {
-            due.clear();
-            dead.clear();
-        }
+        std::vector<std::uint64_t> dead;
+        if (alive)
+            for (const auto& [key, one] : self.nodes_)
+                if (one.what.server == self.incarnation_ && one.ending) dead.push_back(key);
         for (auto key : dead) co_await end_node(self, key);
-        for (auto key : due) {
+        co_await sleep_for(self.on_, tend_period);
+    }
+}
+
+bool shared_names::due(const known_node& node) const {
+    return node.what.server == incarnation_ && !node.ending && node.asked && on_.now() - *node.asked < keep_silent &&
+           !confirmed_within(node, keep_period) && (!node.tried || on_.now() - *node.tried >= keep_period);
+}
+
+// Whatever `tend` finds: a store that answers too late for grants still gets the renewals in time.
+task<> shared_names::keep_leases(shared_names& self) {
+    while (!self.scope_.stopping()) {
+        std::vector<std::uint64_t> all;
+        for (const auto& [key, one] : self.nodes_)
+            if (self.due(one)) all.push_back(key);
+        for (auto key : all) {
+            if (self.keeping_ >= few_keeps) co_await sleep_for(self.on_, keep_pace);
+            while (self.keeping_ >= max_keeps) co_await sleep_for(self.on_, keep_pace);
             auto known = self.nodes_.find(key);
-            if (known == self.nodes_.end() || known->second.ending) continue;
-            auto sent = self.on_.now();
-            auto number = known->second.what.store_lease;
-            auto kept = co_await self.store_.keep(number);
-            known = self.nodes_.find(key);
-            if (kept && known != self.nodes_.end() && known->second.what.store_lease == number)
-                known->second.confirmed = sent;
-            if (!kept && kept.error().code() != errc::no_such_name) break; // the probe tells more
+            if (known == self.nodes_.end() || !self.due(known->second)) continue;
+            known->second.tried = self.on_.now();
+            ++self.keeping_;
+            self.scope_.spawn("a lease in the store", keep_lease(self, key, known->second.what.store_lease));
         }
         co_await sleep_for(self.on_, tend_period);
     }
+}
+
+task<> shared_names::keep_lease(shared_names& self, std::uint64_t lease_key, std::uint64_t number) {
+    struct counted {
+        std::size_t& all;
+        ~counted() { --all; }
+    } guard{self.keeping_};
+    const auto sent = self.on_.now();
+    auto kept = co_await self.store_.keep(number, keep_patience);
+    auto known = self.nodes_.find(lease_key);
+    if (known == self.nodes_.end() || known->second.what.store_lease != number) co_return;
+    if (kept) known->second.confirmed = std::max(known->second.confirmed.value_or(sent), sent);
+    // Otherwise the watch tells that the lease is over. A store that was found to be away is not asked more often.
+    else if (kept.error().code() != errc::no_such_name && self.store_answers_) known->second.tried.reset();
 }
 
 } // namespace ise

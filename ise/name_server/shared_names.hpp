@@ -7,6 +7,7 @@
 #include <ise/name_server/registry.hpp>
 
 #include <functional>
+#include <list>
 #include <map>
 #include <memory>
 #include <optional>
@@ -60,6 +61,8 @@ private:
         node_record what;
         std::uint64_t changed = 0;
         std::optional<time_point> confirmed; // when the last renewal in the store was sent that succeeded
+        std::optional<time_point> tried;     // when the last one was sent, or nothing: it failed at once
+        std::optional<time_point> asked;     // when it asked this server for something last, in vain or not
         bool ending = false;
     };
     struct known_name {
@@ -67,8 +70,21 @@ private:
         std::uint64_t lease_key = 0, created = 0, changed = 0, store_lease = 0;
     };
 
+    struct queued_write {
+        std::vector<store_step> steps;
+        std::optional<result<std::vector<store_outcome>>> outcome;
+        waiter<>* author = nullptr; // null: nobody waits for the outcome any more
+
+        void settle(result<std::vector<store_outcome>> with) {
+            outcome.emplace(std::move(with));
+            if (author) author->resume();
+        }
+    };
+
     static task<> watch(shared_names& self);
     static task<> tend(shared_names& self);
+    static task<> keep_leases(shared_names& self);
+    static task<> keep_lease(shared_names& self, std::uint64_t lease_key, std::uint64_t number);
     static task<> end_node(shared_names& self, std::uint64_t lease_key);
     task<result<void>> read_all();
     void apply(const std::vector<store_change>& changes, std::uint64_t revision);
@@ -80,11 +96,18 @@ private:
     /// The node is kept by this server, with a lease in the store that holds long enough.
     task<> keep_here(naming::node_identity who, duration lease);
     task<std::vector<store_outcome>> write(std::vector<store_step> steps);
+    /// `name_store::write`, together with what others want to write at that time.
+    task<result<std::vector<store_outcome>>> commit(std::vector<store_step> steps);
+    static task<> write_queue(shared_names& self);
+    std::vector<std::shared_ptr<queued_write>> next_group();
     task<> catch_up(std::uint64_t revision);
     [[noreturn]] void give_up(const failure& why);
     bool confirmed_within(const known_node& node, duration age) const {
         return node.confirmed && on_.now() - *node.confirmed < age;
     }
+    void note_asked(std::uint64_t lease_key);
+    bool due(const known_node& node) const;
+    bool answers_slowly() const;
     void heard() { heard_at_ = on_.now(); }
 
     loop& on_;
@@ -105,7 +128,12 @@ private:
     std::string obstacle_ = "it was not reached yet";
     std::optional<std::pair<time_point, std::string>> unwritable_; // the last write was refused: when, and why
     bool complained_ = false;
-    bool store_answers_ = true; // the last question whether it does
+    bool store_answers_ = true;          // the last question whether it does
+    duration answer_took_{};             // to that question
+    std::optional<time_point> asked_at_; // that question again, which is not answered yet
+    std::size_t keeping_ = 0;            // renewals that are not answered yet
+    std::list<std::shared_ptr<queued_write>> queue_;
+    std::size_t writers_ = 0; // that empty it
     std::vector<waiter<>*> catching_up_;
 };
 

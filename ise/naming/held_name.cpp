@@ -28,7 +28,7 @@ naming::component_claim held_name::claim() const {
     return made;
 }
 
-result<void> held_name::take(const naming::grant& answer, time_point now, duration lease) {
+result<void> held_name::take(const naming::grant& answer, time_point now, duration lease, std::uint64_t server) {
     switch (answer.what) {
         case verdict::granted:
             epoch = answer.epoch;
@@ -42,8 +42,11 @@ result<void> held_name::take(const naming::grant& answer, time_point now, durati
             return {};
         case verdict::taken: {
             auto holder = answer.held_by.empty() ? naming::holder() : answer.held_by.front();
-            // A server that was restarted counts them anew.
-            if (!other || other->epoch != holder.epoch || holder.renewals < other->renewals) other = holder;
+            // Each server counts them by itself, and one that was restarted anew.
+            if (!other || other_at != server || other->epoch != holder.epoch || holder.renewals < other->renewals) {
+                other = holder;
+                other_at = server;
+            }
             if (holder.renewals >= other->renewals + 2) return failure(errc::name_taken, answer.reason);
             not_before = saturating_add(now, lease / 5);
             obstacle = answer.reason;

@@ -19,12 +19,13 @@ struct held_name {
     bool to_tell() const noexcept { return registered != version && !refused; }
     naming::component_claim claim() const;
 
-    /// Takes the server's answer. A failure: the name is not ours, and will not be (name_taken, superseded, refused).
+    /// Takes the answer of that server. A failure: the name is not ours, and will not be (name_taken, superseded,
+    /// refused).
     /// Else it is granted (`epoch`), or it is asked for again from `not_before` on.
     ///
-    /// A name that another holds is given up only once that one has renewed its lease twice: one renewal may still have
-    /// been on its way when its sender died, and the lease of the dead ends soon.
-    result<void> take(const naming::grant& answer, time_point now, duration lease);
+    /// A name that another holds is given up only once that one has renewed its lease twice at one server: one renewal
+    /// may still have been on its way when its sender died, and the lease of the dead ends soon.
+    result<void> take(const naming::grant& answer, time_point now, duration lease, std::uint64_t server);
 
     /// Where it stands among those to tell: since when, and behind how many of the same time.
     using place = std::pair<time_point, std::uint64_t>;
@@ -38,7 +39,8 @@ struct held_name {
     std::uint64_t registered = 0;  ///< …of what the server knows…
     std::uint64_t sent = 0;        ///< …and of the request that is not answered yet
     time_point not_before = time_point::min();
-    std::optional<naming::holder> other; ///< who was found to hold it first
+    std::optional<naming::holder> other; ///< who was found to hold it first…
+    std::uint64_t other_at = 0;          ///< …at that server (its incarnation)
     std::string obstacle;                ///< why it was not granted yet
     bool enrolling = false;              ///< somebody waits for the answer
     std::optional<failure> refused;      ///< the answer, until they have it

@@ -267,7 +267,7 @@ task<bool> lease_registrar::tell() {
 void lease_registrar::take(naming::grant answer) {
     auto& name = *holdings_.at(answer.path);
     bool waited = !name.obstacle.empty();
-    auto taken = name.take(answer, host_.on().now(), lease_);
+    auto taken = name.take(answer, host_.on().now(), lease_, lease_known_.first);
     if (!taken) {
         give_up(answer.path, taken.error());
         return;

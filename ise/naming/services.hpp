@@ -242,7 +242,7 @@ struct listed_name {
     std::uint64_t process_id = 0;              ///< on that host
     std::vector<std::string> endpoints;        ///< as ise::endpoint::text() writes them
     std::uint32_t services_provided = 0;       ///< how many
-    duration lease_age{};                      ///< in lists: since it was last renewed
+    duration lease_age{};                      ///< in lists: since it was last renewed, where it is kept
     std::map<std::string, std::int32_t> roles; ///< that it serves, with its priority
     std::string waits_for;                     ///< for people; empty: nothing, or not for long
 };
@@ -274,7 +274,7 @@ struct describe_response {
     /// Provided and required.
     std::vector<service_entry> services;
     std::vector<schema_text> schemas; ///< those that `services` name, as far as they were told
-    /// Of its node.
+    /// Of its node; 0: another name server keeps it.
     duration lease{};
     duration lease_age{}; ///< since it was last renewed
 };

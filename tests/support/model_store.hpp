@@ -28,11 +28,12 @@ struct model_cluster {
     std::map<std::uint64_t, lease> leases;
     std::vector<ise::store_change> history; // after `compacted`
     std::uint64_t revision = 1, compacted = 0;
+    std::size_t transactions = 0;
     // Faults.
     bool majority = true;                         ///< false: nothing is answered
     std::set<std::string> cut_off;                ///< name servers that reach a minority only
     std::set<std::string> answers_lost;           ///< what they write is done, and they do not hear of it
-    std::map<std::string, ise::duration> latency; ///< of one way
+    std::map<std::string, ise::duration> latency; ///< of one way; who waits less long for an answer gives up
     bool full = false;                            ///< NOSPACE: nothing is written
 
     void gone(const std::string& key) {
@@ -74,7 +75,8 @@ public:
     model_store(model_cluster& of, ise::loop& on, std::string who) : of_(of), on_(on), who_(std::move(who)) {}
 
     ise::task<ise::result<ise::store_snapshot>> read() override {
-        auto way = co_await reach();
+        const auto until = on_.now() + patience;
+        auto way = co_await reach(until);
         if (!way) co_return way.error();
         ise::store_snapshot all;
         all.revision = of_.revision;
@@ -86,12 +88,16 @@ public:
             made.changed = one.changed;
             all.entries.push_back(std::move(made));
         }
+        auto back = co_await hear(until);
+        if (!back) co_return back.error();
         co_return all;
     }
 
     ise::task<ise::result<std::vector<ise::store_outcome>>> write(std::vector<ise::store_step> steps) override {
-        auto way = co_await reach();
+        const auto until = on_.now() + patience;
+        auto way = co_await reach(until);
         if (!way) co_return way.error();
+        ++of_.transactions;
         if (of_.full) co_return ise::failure(ise::errc::refused, "database space exceeded");
         for (const auto& one : steps)
             if (one.lease != 0 && !of_.leases.contains(one.lease))
@@ -122,72 +128,89 @@ public:
             }
             outcomes.push_back(outcome);
         }
-        auto back = co_await hear();
+        auto back = co_await hear(until);
         if (!back) co_return back.error();
         co_return outcomes;
     }
 
     ise::task<ise::result<void>> probe() override {
-        auto way = co_await reach();
-        co_return way;
-    }
-    ise::task<ise::result<void>> grant(std::uint64_t lease, ise::duration length) override {
-        auto way = co_await reach();
-        if (!way) co_return way.error();
-        of_.leases[lease] = {length, of_.clock() + length};
-        auto back = co_await hear();
+        const auto until = on_.now() + patience;
+        auto way = co_await reach(until);
+        if (!way) co_return way;
+        auto back = co_await hear(until);
         co_return back;
     }
-    ise::task<ise::result<void>> keep(std::uint64_t lease) override {
-        auto way = co_await reach();
+    ise::task<ise::result<void>> grant(std::uint64_t lease, ise::duration length) override {
+        const auto until = on_.now() + patience;
+        auto way = co_await reach(until);
+        if (!way) co_return way.error();
+        of_.leases[lease] = {length, of_.clock() + length};
+        auto back = co_await hear(until);
+        co_return back;
+    }
+    ise::task<ise::result<void>> keep(std::uint64_t lease, ise::duration within) override {
+        const auto until = on_.now() + within;
+        auto way = co_await reach(until);
         if (!way) co_return way.error();
         auto found = of_.leases.find(lease);
         if (found == of_.leases.end()) co_return ise::failure(ise::errc::no_such_name, "requested lease not found");
         found->second.expires = of_.clock() + found->second.length;
-        co_return ise::result<void>();
+        auto back = co_await hear(until);
+        co_return back;
     }
     ise::task<ise::result<void>> revoke(std::uint64_t lease) override {
-        auto way = co_await reach();
+        const auto until = on_.now() + patience;
+        auto way = co_await reach(until);
         if (!way) co_return way.error();
         of_.end(lease);
-        co_return ise::result<void>();
+        auto back = co_await hear(until);
+        co_return back;
     }
 
     ise::task<ise::failure> follow(
         std::uint64_t revision,
         std::function<void(const std::vector<ise::store_change>&, std::uint64_t)> on_changes) override {
         for (;;) {
-            auto way = co_await reach();
+            const auto until = on_.now() + patience;
+            auto way = co_await reach(until);
             if (!way) co_return way.error();
             if (revision < of_.compacted) co_return ise::failure(ise::errc::superseded, "was compacted");
             std::vector<ise::store_change> news;
             for (const auto& one : of_.history)
                 if (one.entry.changed > revision) news.push_back(one);
             revision = of_.revision;
+            // A watch ends with the first question that its member answers too late.
+            if (2 * one_way() > patience) {
+                co_await ise::sleep_until(on_, until);
+                co_return timed_out("the watch was given up");
+            }
             if (!news.empty()) on_changes(news, revision);
             co_await ise::sleep_for(on_, std::chrono::milliseconds(5));
         }
     }
 
 private:
+    static ise::failure timed_out(const char* why) { return ise::failure(ise::errc::timed_out, why); }
     ise::duration one_way() const {
         auto late = of_.latency.find(who_);
         return late == of_.latency.end() ? ise::duration(std::chrono::milliseconds(1)) : late->second;
     }
     bool away() const { return !of_.majority || of_.cut_off.contains(who_); }
-    ise::task<ise::result<void>> reach() {
-        auto way = one_way();
-        co_await ise::sleep_for(on_, way);
+    // A request that is under way for longer than its sender waits is lost.
+    ise::task<ise::result<void>> reach(ise::time_point until) {
+        auto there = on_.now() + one_way();
+        co_await ise::sleep_until(on_, std::min(there, until));
         of_.advance();
-        if (!away()) co_return ise::result<void>();
-        co_await ise::sleep_for(on_, std::chrono::seconds(1));
-        co_return ise::failure(ise::errc::timed_out, "no leader");
+        if (there < until && !away()) co_return ise::result<void>();
+        co_await ise::sleep_until(on_, until);
+        co_return timed_out(away() ? "no leader" : "etcd did not answer in time");
     }
-    ise::task<ise::result<void>> hear() {
-        auto way = one_way();
-        co_await ise::sleep_for(on_, way);
-        if (!of_.answers_lost.contains(who_)) co_return ise::result<void>();
-        co_return ise::failure(ise::errc::timed_out, "the answer was lost");
+    ise::task<ise::result<void>> hear(ise::time_point until) {
+        auto back = on_.now() + one_way();
+        co_await ise::sleep_until(on_, std::min(back, until));
+        if (of_.answers_lost.contains(who_)) co_return timed_out("the answer was lost");
+        if (back > until) co_return timed_out("etcd did not answer in time");
+        co_return ise::result<void>();
     }
 
     model_cluster& of_;

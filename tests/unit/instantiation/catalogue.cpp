@@ -222,9 +222,8 @@ TEST_CASE("an endpoint in a text is no way around the rules") {
 TEST_CASE("the rules check each host of a database") {
     launch_rules open;
     open.target_hosts = {"10.0.0.7", "db.example:5432", "[::1]:5433"};
-    for (const char* good :
-         {"postgresql://atirma@10.0.0.7:5433,db.example/atirma?target_session_attrs=read-write",
-          "postgres://10.0.0.7,[::1]:5433,db.example:5432?sslmode=verify-full&sslrootcert=/etc/ca.pem"})
+    for (const char* good : {"postgresql://atirma@10.0.0.7:5433,db.example/atirma?target_session_attrs=read-write",
+                             "postgres://10.0.0.7,[::1]:5433,db.example:5432?sslmode=verify-full&sslrootcert=system"})
         CHECK(refusal(request({{"mark", good}}), open) == "it was allowed");
     for (const char* bad :
          {"postgresql://atirma@10.0.0.7,10.0.0.8/atirma", "postgresql://10.0.0.7,10.0.0.8:1,db.example",
@@ -234,8 +233,31 @@ TEST_CASE("the rules check each host of a database") {
          {"postgresql://10.0.0.7,/x", "postgresql://,10.0.0.7/x", "postgresql://10.0.0.7/x?host=10.0.0.8",
           "postgresql://10.0.0.7/x?sslmode=require&hostaddr=10.0.0.8", "postgresql://10.0.0.7/x?port=22",
           "postgresql://10.0.0.7/x?ho%73t=10.0.0.8", "postgresql://10.0.0.7#@10.0.0.8/x", "postgresql://10.0.0.7#.x/y",
-          "postgresql://10.0.0.7?x=@10.0.0.8/x", "postgresql://10.0.0.7 ,10.0.0.8/x", "postgresql:///x"})
+          "postgresql://10.0.0.7?x=@10.0.0.8/x", "postgresql://10.0.0.7 ,10.0.0.8/x", "postgresql:///x",
+          "postgresql://10.0.0.7/x?service=other"})
         CHECK_THAT(refusal(request({{"mark", bad}}), open), Contains("is not a URL"));
+}
+
+TEST_CASE("the rules check each file that the URL of a database names") {
+    auto parameter =
+        GENERATE("passfile", "sslkey", "sslcert", "sslrootcert", "sslcrl", "sslcrldir", "sslkeylogfile", "servicefile");
+    CAPTURE(parameter);
+    auto with = [&](const std::string& value, std::vector<std::string> folders = {"/data", "/my files"}) {
+        launch_rules rules;
+        rules.target_hosts = {"10.0.0.7", "10.0.0.8"};
+        rules.path_folders = std::move(folders);
+        auto url = "postgresql://a@10.0.0.7,10.0.0.8/x?sslmode=verify-full&" + std::string(parameter) + "=" + value;
+        return refusal(request({{"mark", url}}), rules);
+    };
+    for (const char* good : {"/data/x.pem", "%2fdata%2Fx.pem", "/my%20files/x", "/data/x.pem&connect_timeout=3", ""})
+        CHECK(with(good) == "it was allowed");
+    for (const char* bad : {"/etc/key.pem", "%2Fetc%2Fkey.pem", "/data/../etc/key.pem", "/data/%2e%2e/etc/key.pem",
+                            "/data%2F..%2Fetc", "key.pem", "~/key.pem", "/database/x"})
+        CHECK_THAT(with(bad), Contains("in it is not allowed: it is a path below /data or /my files (--allow-path)"));
+    CHECK_THAT(with("/data/x&" + std::string(parameter) + "=/etc/x"), Contains("the file '/etc/x' in it"));
+    CHECK_THAT(with("/data/x", {}), Contains("it allows none (--allow-path)"));
+    for (const char* bad : {"/data/%zz", "/data/%", "/data/%2", "/data/x%00.pem", "/data/%+1"})
+        CHECK_THAT(with(bad), Contains("is not one in a URL"));
 }
 
 TEST_CASE("endpoints are loopback unless the rules say otherwise") {

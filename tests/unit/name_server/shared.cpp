@@ -133,6 +133,40 @@ TEST_CASE("shared names: what one name server grants is found at all, under the 
     CHECK(it.warnings.empty());
 }
 
+TEST_CASE("shared names: only the name server that keeps a lease tells when it was renewed") {
+    shared_system it;
+    it.world.run_for(1s); // then all name servers have read the store, and nodes stay at the first one
+    it.start_doubler("boat", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
+    it.world.run_for(10s);
+    for (const std::string name_server : {"ns0", "ns2"}) {
+        CAPTURE(name_server);
+        ise::naming::describe_response described;
+        ise::naming::list_response listed;
+        bool answered = false;
+        it.start(name_server, "desk", [&](ise::node& node) {
+            node.start(
+                "test/" + name_server,
+                [&](ise::component& self) -> ise::task<> {
+                    auto at = "tcp://" + it.world.host(name_server).address() + ":7400";
+                    auto server = self.at(ise::endpoint::parse(at).value());
+                    ise::naming::describe_request of;
+                    of.path = "atirma/doubler";
+                    described = co_await server.call(ise::naming::describe, of, 5s);
+                    ise::naming::list_request below;
+                    below.prefix = "atirma";
+                    listed = co_await server.call(ise::naming::list, below, 5s);
+                    answered = true;
+                },
+                everywhere());
+        });
+        REQUIRE(it.world.run_until([&] { return answered; }, 5s));
+        CHECK(described.lease == (name_server == "ns0" ? ise::duration(2s) : ise::duration()));
+        CHECK(described.lease_age <= ise::duration(1s));
+        CHECK(listed.names.at(0).lease_age <= ise::duration(1s));
+    }
+}
+
 TEST_CASE("shared names: when a node dies its name is free within the lease, and the next grant has a higher epoch") {
     shared_system it;
     auto& boat = it.start_doubler("boat", "atirma/doubler");
@@ -140,7 +174,7 @@ TEST_CASE("shared names: when a node dies its name is free within the lease, and
     auto before = it.epoch_at(0, "atirma/doubler");
     boat.crash();
     CHECK(it.world.run_until([&] { return it.epoch_at(2, "atirma/doubler") == 0; }, 3s));
-    CHECK(it.cluster.leases.empty());
+    CHECK(it.world.run_until([&] { return it.cluster.leases.empty(); }, 100ms));
     it.start_doubler("shore", "atirma/doubler");
     REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
     CHECK(it.epoch_at(1, "atirma/doubler") > before);
@@ -170,7 +204,7 @@ TEST_CASE("shared names: who wants a held name at another name server is told wh
         second = &node;
         node.start<doubler>("atirma/doubler", everywhere());
     });
-    it.world.run_for(40s);
+    it.world.run_for(60s);
     auto first = it.epoch_at(0, "atirma/doubler");
     CHECK(first != 0);
     for (const auto& line : it.warnings) UNSCOPED_INFO(line);
@@ -233,6 +267,31 @@ TEST_CASE("shared names: after all name servers were killed every name is there 
     CHECK(it.epoch_at(2, "atirma/first") != 0);
 }
 
+TEST_CASE("shared names: many nodes that come to another name server at once come with few transactions") {
+    constexpr int nodes = 100;
+    shared_system it;
+    auto path = [](int n) { return fmt::format("atirma/doubler{}", n); };
+    auto all_held = [&] {
+        for (int n = 0; n != nodes; ++n)
+            if (!it.held_everywhere(path(n))) return false;
+        return true;
+    };
+    for (const char* name_server : {"ns0", "ns1", "ns2"}) it.cluster.latency[name_server] = 20ms;
+    it.world.run_for(1s); // then all name servers have read the store, and nodes stay at the first one
+    for (int n = 0; n != nodes; ++n) it.start_doubler(fmt::format("boat{}", n), path(n));
+    REQUIRE(it.world.run_until(all_held, 10s));
+    it.world.run_for(3s);
+    const auto granted = it.cluster.keys;
+    const auto before = it.cluster.transactions;
+    it.process[0]->crash();
+    it.world.run_for(5s);
+    for (const auto& [key, one] : granted)
+        if (key.starts_with("node/")) CHECK(it.cluster.keys[key].changed > one.changed);
+    CHECK(it.cluster.transactions - before < nodes);
+    it.world.run_for(15s);
+    for (const auto& [key, one] : granted) CHECK(it.cluster.keys[key].created == one.created);
+}
+
 TEST_CASE("shared names: without a majority those who have met go on, nobody new is granted, and all say so") {
     shared_system it;
     it.start_doubler("boat", "atirma/doubler");
@@ -270,6 +329,84 @@ TEST_CASE("shared names: a store that is away for a while costs no node its name
     it.cluster.majority = true;
     it.world.run_for(15s);
     for (int n = 0; n != nodes; ++n) CHECK(it.epoch_at(0, path(n)) == epochs[static_cast<std::size_t>(n)]);
+}
+
+TEST_CASE("shared names: a store that answers too late for grants, and gets all renewals, costs no node its names") {
+    auto one_way = GENERATE(800ms, 1000ms, 2400ms);
+    auto nodes = GENERATE(1, 60);
+    CAPTURE(one_way.count(), nodes);
+    shared_system it;
+    auto path = [](int n) { return fmt::format("atirma/doubler{}", n); };
+    for (int n = 0; n != nodes; ++n) it.start_doubler(fmt::format("boat{}", n), path(n));
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere(path(nodes - 1)); }, 5s));
+    it.world.run_for(3s);
+    const auto before = it.cluster.keys;
+    for (const char* name_server : {"ns0", "ns1", "ns2"}) it.cluster.latency[name_server] = one_way;
+    it.start_doubler("late", "atirma/late");
+    it.world.run_for(60s);
+    CHECK(trouble_listed(it).find("etcd did not answer in time") != std::string::npos);
+    CHECK(it.warned("names are unconfirmed"));
+    it.cluster.latency.clear();
+    CHECK(it.world.run_until([&] { return it.held_everywhere("atirma/late"); }, 15s));
+    it.world.run_for(15s);
+    for (const auto& [key, one] : before)
+        if (key.starts_with("name/")) CHECK(it.cluster.keys[key].created == one.created);
+    CHECK(trouble_listed(it).empty());
+}
+
+TEST_CASE(
+    "shared names: a store that is slow at times costs no node its names, whichever name servers it is slow for") {
+    auto seed = GENERATE(range(1, 21));
+    auto alike = GENERATE(true, false);
+    CAPTURE(seed, alike);
+    shared_system it(3, static_cast<std::uint64_t>(seed));
+    std::mt19937 dice(static_cast<unsigned>(seed));
+    const std::vector<std::string> paths = {"crowd/a", "crowd/b", "crowd/c"};
+    for (const auto& path : paths) it.start_doubler(path.substr(6), path);
+    REQUIRE(it.world.run_until(
+        [&] { return std::ranges::all_of(paths, [&](const auto& path) { return it.held_everywhere(path); }); }, 10s));
+    it.world.run_for(3s);
+    const auto before = it.cluster.keys;
+    for (int step = 0; step != 40; ++step) {
+        auto slow = [&] { return std::chrono::milliseconds(dice() % 3 == 0 ? 1 : 1 + dice() % 2000); };
+        auto all = slow();
+        for (const char* name_server : {"ns0", "ns1", "ns2"}) it.cluster.latency[name_server] = alike ? all : slow();
+        it.world.run_for(std::chrono::milliseconds(dice() % 4000));
+    }
+    it.cluster.latency.clear();
+    it.world.run_for(20s);
+    for (const auto& [key, one] : before)
+        if (key.starts_with("name/")) CHECK(it.cluster.keys[key].created == one.created);
+}
+
+TEST_CASE("shared names: a node that has died goes from a slow store, too") {
+    shared_system it;
+    auto& boat = it.start_doubler("boat", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
+    for (const char* name_server : {"ns0", "ns1", "ns2"}) it.cluster.latency[name_server] = 400ms;
+    it.world.run_for(10s);
+    boat.crash();
+    it.world.run_for(5s);
+    CHECK(it.epoch_at(0, "atirma/doubler") != 0); // a store that is slow may be what keeps it from renewing
+    CHECK(it.world.run_until([&] { return it.epoch_at(2, "atirma/doubler") == 0; }, 15s));
+}
+
+TEST_CASE("shared names: who waits for a name whose holder and name server have died gets it") {
+    auto known_for = GENERATE(0s, 2s, 4s, 5s, 6s, 8s, 11s, 13s);
+    CAPTURE(known_for.count());
+    shared_system it;
+    it.world.run_for(1s); // then all name servers have read the store, and nodes stay at the first one
+    auto& boat = it.start_doubler("boat", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
+    auto before = it.epoch_at(1, "atirma/doubler");
+    it.world.run_for(known_for);
+    auto comma = it.list.find(',');
+    it.list = it.list.substr(comma + 1) + "," + it.list.substr(0, comma); // it begins with the next name server
+    it.start_doubler("shore", "atirma/doubler");
+    it.world.run_for(1s);
+    boat.crash();
+    it.process[0]->crash();
+    CHECK(it.world.run_until([&] { return it.epoch_at(1, "atirma/doubler") > before; }, 15s));
 }
 
 TEST_CASE("shared names: a watch that a compaction has overtaken reads everything anew") {

@@ -1,0 +1,162 @@
+// The client of etcd on the virtual world, with members that answer late, or with an error.
+#include "system.hpp"
+
+#include <ise/core/sleep.hpp>
+#include <ise/name_server/etcd_store.hpp>
+
+#include <fmt/format.h>
+
+#include <array>
+#include <functional>
+#include <map>
+#include <optional>
+
+namespace etcd_faults_test {
+
+using namespace names_test;
+using Catch::Matchers::Contains;
+
+namespace {
+
+using questions = std::function<ise::task<>(ise::etcd_store&, ise::loop&)>;
+
+// Members a and b on hosts of these names; the client is on a host of its own.
+class members_and_client {
+public:
+    members_and_client() {
+        for (const char* name : {"a", "b"})
+            world.host(name).start_process("etcd", [this, name = std::string(name)](ise::sim::process& env) {
+                return with_node(env, [this, name](ise::component& self) { return serve(self, name); });
+            });
+    }
+
+    void ask(const questions& all, const std::string& user = {}) {
+        bool done = false;
+        world.host("client").start_process("names", [&](ise::sim::process& env) {
+            return with_node(env, [&, user](ise::component& self) -> ise::task<> {
+                ise::etcd_options options;
+                options.members = ise::parse_etcd_members("etcd://a:2379,b:2379").value();
+                options.user = user;
+                options.password = "of the names";
+                ise::etcd_store store(self.on(), std::move(options));
+                co_await all(store, self.on());
+                done = true;
+            });
+        });
+        REQUIRE(world.run_until([&] { return done; }, 60s));
+    }
+
+    std::map<std::string, std::vector<std::string>> asked; ///< heads and bodies, by member
+    std::function<ise::duration(const std::string& member, const std::string& question)> takes;
+    std::string error; ///< answered instead
+    ise::sim::world world{3};
+
+private:
+    static std::shared_ptr<program> with_node(ise::sim::process& env, body run) {
+        auto options = node_options();
+        options.use_names = false;
+        auto made = std::make_shared<program>(env, std::move(options));
+        ise::component_options silent;
+        silent.listens = false;
+        made->node.start("", std::move(run), std::move(silent));
+        return made;
+    }
+    ise::task<> serve(ise::component& self, std::string name) {
+        auto at = ise::endpoint::parse("tcp://0.0.0.0:2379").value();
+        auto listening = at.kind->listen(self.on(), at, ise::security()).value();
+        for (;;) {
+            auto [problem, line] = co_await listening->accept();
+            if (problem) co_return;
+            self.spawn("connection", answer(self, name, std::move(line)));
+        }
+    }
+    ise::task<> answer(ise::component& self, std::string name, std::unique_ptr<ise::stream> line) {
+        std::array<char, 4096> room;
+        for (;;) { // the requests of a test come in one piece
+            auto got = co_await line->read_some(asio::buffer(room));
+            if (got.problem) co_return;
+            std::string question(room.data(), got.bytes);
+            asked[name].push_back(question);
+            const auto late = takes(name, question);
+            co_await self.sleep(late);
+            const std::string text =
+                error.empty() ? R"({"header":{"revision":"7"},"token":"a-token","result":{"TTL":"10"}})" : error;
+            auto reply = fmt::format("HTTP/1.1 {}\r\nContent-Length: {}\r\n\r\n{}",
+                                     error.empty() ? "200 OK" : "503 Service Unavailable", text.size(), text);
+            asio::const_buffer all(reply.data(), reply.size());
+            line->try_write(std::span(&all, 1));
+        }
+    }
+};
+
+} // namespace
+
+TEST_CASE("etcd that is slow: a member that takes 4 s is given up for a question, and renews a lease") {
+    members_and_client it;
+    it.takes = [](const std::string&, const std::string&) { return 4s; };
+    it.ask([](ise::etcd_store& store, ise::loop& on) -> ise::task<> {
+        auto began = on.now();
+        auto alive = co_await store.probe();
+        CHECK(alive.error().code() == ise::errc::timed_out);
+        CHECK(on.now() - began < 2s);
+        auto kept = co_await store.keep(7, 5s);
+        CHECK(kept);
+        kept = co_await store.keep(7, 3s);
+        CHECK(kept.error().code() == ise::errc::timed_out);
+        kept = co_await store.keep(7, 5s);
+        CHECK(kept);
+    });
+    // Renewals stay at a member that is too slow for questions, and go on when it is too slow for them, too.
+    REQUIRE(it.asked["a"].size() == 3);
+    CHECK_THAT(it.asked["a"][1], Contains("POST /v3/lease/keepalive ") && Contains(R"("ID":"7")"));
+    CHECK(it.asked["b"].size() == 1);
+}
+
+TEST_CASE("etcd that is slow: renewals go to the member that answers questions in time") {
+    members_and_client it;
+    it.takes = [](const std::string& member, const std::string&) -> ise::duration { return member == "a" ? 4s : 0s; };
+    it.ask([](ise::etcd_store& store, ise::loop& on) -> ise::task<> {
+        auto late = co_await store.probe();
+        CHECK_FALSE(late);
+        auto alive = co_await store.probe();
+        CHECK(alive);
+        auto began = on.now();
+        auto kept = co_await store.keep(7, 5s);
+        CHECK(kept);
+        CHECK(on.now() - began < 1s);
+    });
+    CHECK(it.asked["a"].size() == 1);
+    CHECK(it.asked["b"].size() == 2);
+}
+
+TEST_CASE("etcd that is slow: the token of one member is shown to the next one, without another log-in") {
+    members_and_client it;
+    it.takes = [](const std::string& member, const std::string& question) -> ise::duration {
+        return member == "a" && question.find("kv/range") != question.npos ? 4s : 0s;
+    };
+    it.ask(
+        [](ise::etcd_store& store, ise::loop&) -> ise::task<> {
+            auto late = co_await store.probe();
+            CHECK_FALSE(late);
+            auto alive = co_await store.probe();
+            CHECK(alive);
+        },
+        "ise");
+    CHECK(it.asked["a"].size() == 2);
+    REQUIRE(it.asked["b"].size() == 1);
+    CHECK_THAT(it.asked["b"][0], Contains("POST /v3/kv/range ") && Contains("Authorization: a-token"));
+}
+
+TEST_CASE("etcd that fails: an error is told in its words, also that of a stream") {
+    members_and_client it;
+    it.takes = [](const std::string&, const std::string&) { return 0s; };
+    it.error = GENERATE(R"({"error":"etcdserver: no leader","code":14})",
+                        R"({"error":{"grpc_code":14,"http_code":503,"message":"etcdserver: no leader"}})",
+                        R"({"error":{"grpc_code":14},"words":"etcdserver: no leader"})", "etcdserver: no leader");
+    it.ask([](ise::etcd_store& store, ise::loop&) -> ise::task<> {
+        auto kept = co_await store.keep(7, 5s);
+        CHECK_THAT(kept.error().message(), Contains("etcdserver: no leader"));
+    });
+}
+
+} // namespace etcd_faults_test
