@@ -1,4 +1,5 @@
 // Commands that provide: pub, mock; and what works without headers at both ends: run, echo of many, types --cpp.
+#include "folder.hpp"
 #include "port.hpp"
 
 #include <ise/component/component.hpp>
@@ -14,9 +15,6 @@
 #include <csignal>
 #include <cstdint>
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <stdexcept>
 #include <string>
 #include <test_folders.hpp>
 #include <thread>
@@ -24,6 +22,7 @@
 #include <vector>
 
 using Catch::Contains;
+using cli_test::folder;
 using cli_test::harbour;
 using cli_test::port;
 using ise_test::program;
@@ -62,20 +61,6 @@ private:
         });
         co_await sleep(std::chrono::hours(1));
     }
-};
-
-struct folder {
-    folder() {
-        std::string name = std::filesystem::temp_directory_path() / "ise_stand_in_XXXXXX";
-        if (!mkdtemp(name.data())) throw std::runtime_error("no folder");
-        path = name;
-    }
-    ~folder() { std::filesystem::remove_all(path); }
-    std::string write(const std::string& name, const std::string& text) const {
-        std::ofstream(path / name) << text;
-        return path / name;
-    }
-    std::filesystem::path path;
 };
 
 std::vector<std::string> with_names(const port& in, std::vector<std::string> arguments) {
