@@ -1,4 +1,5 @@
 #pragma once
+#include <components/foxglove_gateway/derived_channels.hpp>
 #include <components/foxglove_gateway/gateway_context.hpp>
 #include <components/foxglove_gateway/viewer_sessions.hpp>
 
@@ -47,7 +48,7 @@ public:
 private:
     struct source;
     struct channel;
-    void add_channel(source& from, std::string topic, schema_info schema);
+    void add_channel(source& from, const derivation::channel& shown);
     void want(const std::shared_ptr<source>& from);
     void stop(source& from);
     static task<> feed(std::shared_ptr<shown_channels> me, std::shared_ptr<source> from);
