@@ -98,7 +98,7 @@ private:
 void shown_channels::add_channel(source& from, const derivation::channel& shown) {
     auto made = std::make_unique<channel>();
     made->info.id = in_->number_of(fmt::format("channel\n{}\n{}", shown.topic, identity_of(shown.schema)));
-    if (channels_.contains(made->info.id)) { // two derivations under one name: the first one counts
+    if (channels_.find(made->info.id)) { // two derivations under one name: the first one counts
         in_->self.log().warning(fmt::format("two channels have the topic {}: one is not shown", shown.topic));
         made->info.id = in_->fresh_number();
     }
@@ -106,8 +106,7 @@ void shown_channels::add_channel(source& from, const derivation::channel& shown)
     made->info.schema = shown.schema;
     made->kind = shown.kind;
     made->from = &from;
-    channels_[made->info.id] = made.get();
-    added_.push_back(&made->info);
+    channels_.add(made.get());
     from.channels.push_back(std::move(made));
 }
 
@@ -145,8 +144,7 @@ void shown_channels::remove(const std::string& path, const std::string& service)
     for (const auto& from : found->second) {
         from->withdrawn = true;
         for (const auto& one : from->channels) {
-            removed_.push_back(one->info.id);
-            channels_.erase(one->info.id);
+            channels_.remove(one->info.id);
             for (auto* each : std::exchange(one->subscribers, {})) each->of->unsubscribe(each->id);
         }
         from->channels.clear();
@@ -155,25 +153,12 @@ void shown_channels::remove(const std::string& path, const std::string& service)
     sources_.erase(found);
 }
 
-void shown_channels::announce() {
-    if (!removed_.empty()) to_->tell_all(write_unadvertise(removed_));
-    if (!added_.empty()) to_->tell_all(write_advertise(added_));
-    if (!removed_.empty() || !added_.empty()) list_.reset();
-    removed_.clear();
-    added_.clear();
-}
+void shown_channels::announce() { channels_.announce(*to_); }
+
+std::shared_ptr<const std::string> shown_channels::list() { return channels_.list(); }
 
 bool shown_channels::has(const std::string& path, const std::string& service) const {
     return sources_.contains({path, service});
-}
-
-std::shared_ptr<const std::string> shown_channels::list() {
-    if (!list_) {
-        std::vector<const channel_info*> all;
-        for (const auto& [id, one] : channels_) all.push_back(&one->info);
-        list_ = std::make_shared<const std::string>(write_advertise(all));
-    }
-    return list_;
 }
 
 // --- packets ---------------------------------------------------------------------------------------------------------
@@ -296,21 +281,20 @@ void shown_channels::publish(channel& on, wall_time at, std::string payload) {
 
 void shown_channels::take(const std::shared_ptr<viewer>& who, const subscribe_message& asked) {
     for (const auto& one : asked.subscriptions) {
-        auto found = channels_.find(one.channel);
-        if (found == channels_.end()) {
+        auto* on = channels_.find(one.channel);
+        if (!on) {
             to_->refuse(*who, fmt::format("subscribe: there is no channel {}", one.channel));
             continue;
         }
-        auto made = who->subscribe(one.id, one.channel, found->second->kind);
+        auto made = who->subscribe(one.id, one.channel, on->kind);
         if (!made) {
             to_->refuse(*who, fmt::format("subscribe: {}", made.error().message()));
             continue;
         }
-        auto& on = *found->second;
-        on.subscribers.push_back(*made);
-        if (on.last) who->offer(**made, on.last);
-        want(on.from->shared_from_this());
-        if (!on.from->problem.empty()) who->text(on.condition(on.from->problem));
+        on->subscribers.push_back(*made);
+        if (on->last) who->offer(**made, on->last);
+        want(on->from->shared_from_this());
+        if (!on->from->problem.empty()) who->text(on->condition(on->from->problem));
     }
 }
 
@@ -331,8 +315,7 @@ void shown_channels::leave(viewer& who) {
 }
 
 void shown_channels::detach(viewer::subscription& which) {
-    auto found = channels_.find(which.channel);
-    if (found != channels_.end()) std::erase(found->second->subscribers, &which);
+    if (auto* on = channels_.find(which.channel)) std::erase(on->subscribers, &which);
 }
 
 void shown_channels::tick() {
