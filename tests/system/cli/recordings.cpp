@@ -1,4 +1,4 @@
-// record and bag: a running system into a file, and parts and unions of it.
+// record, bag and play: a running system into a file, parts, unions and repairs of it, and into another system.
 #include "folder.hpp"
 #include "port.hpp"
 
@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
+#include <csignal>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -90,6 +90,56 @@ TEST_CASE("a part of a recording that has no message is refused, with the times 
     }
     // One that begins before the end and ends after it has what there is.
     CHECK(answer_of({"cut", whole.path, "--from", "1ms", "--until", "3h", "--out", part})["messages"] > 0);
+}
+
+TEST_CASE("a recording that was cut is told by its name and byte, and recovered into a whole one") {
+    recording whole;
+    const auto all = answer_of({"info", whole.path})["messages"].get<std::uint64_t>();
+    auto bytes = cli_test::text_of(whole.path);
+    auto cut = whole.in.write("cut.mcap", bytes.substr(0, bytes.size() / 2)), mended = whole.in.file("mended.mcap");
+    auto checked = bag({"check", cut});
+    CHECK(checked.exit_code == 1);
+    CHECK_THAT(checked.err, Contains(cut + ": at byte ") && Contains("ise bag recover FILE --out FILE"));
+    auto got = answer_of({"recover", cut, "--out", mended});
+    CHECK(got["messages"] > 0);
+    CHECK(got["messages"] < all);
+    CHECK(got["was_complete"] == false);
+    CHECK_THAT(bag({"check", mended}).out, Contains("every byte was read: nothing is damaged"));
+}
+
+TEST_CASE("what bag cannot do is refused with the file and what to do") {
+    recording whole;
+    auto text = whole.in.write("notes.txt", "wind from the north-east");
+    auto refused = [](std::vector<std::string> words) {
+        auto ran = bag(std::move(words));
+        CHECK(ran.exit_code != 0);
+        CHECK(ran.out.empty());
+        return ran.err;
+    };
+    CHECK_THAT(refused({"info", text}), Contains(text + ": at byte 0: it is no MCAP file"));
+    CHECK_THAT(refused({"info", whole.in.file("none.mcap")}), Contains(whole.in.file("none.mcap")));
+    CHECK_THAT(refused({"cat", whole.path, "--only", "atirma/boat/positon"}),
+               Contains(whole.path + " has no topic 'atirma/boat/positon', did you mean 'atirma/boat/position'?"));
+    CHECK_THAT(refused({"cut", whole.path, "--until", "1s", "--out", text}), Contains(text + " exists already"));
+    CHECK(cli_test::text_of(text) == "wind from the north-east");
+    CHECK_THAT(refused({"cut", whole.path, "--until", "1s"}), Contains("'bag cut' takes --out"));
+    CHECK_THAT(refused({"play", text}), Contains("'play' is none of"));
+}
+
+TEST_CASE("a recording is played under another name") {
+    recording whole;
+    port there;
+    ise_test::program plays(
+        {"ise", "--name-server", there.at.text(), "play", whole.path, "--rename", "atirma/boat=replay/boat", "--loop"});
+    CHECK_THAT(plays.read_error_line(), Contains("playing " + whole.path + " as replay/boat"));
+    auto seen =
+        there.ise({"--timeout", "20s", "echo", "replay/boat", "position", "-n", "3", "--field", "latitude_deg"});
+    CHECK(seen.out == "28.15\n28.15\n28.15\n");
+    plays.signal(SIGINT);
+    CHECK(plays.wait().exit_code == 0);
+    auto none = there.ise({"play", whole.path, "--only", "atirma/bota"});
+    CHECK(none.exit_code != 0);
+    CHECK_THAT(none.err, Contains(whole.path));
 }
 
 } // namespace recordings_test
