@@ -126,6 +126,35 @@ TEST_CASE("what bag cannot do is refused with the file and what to do") {
     CHECK_THAT(refused({"play", text}), Contains("'play' is none of"));
 }
 
+TEST_CASE("the component recorder writes what it is told to, with attached files") {
+    port there;
+    folder in;
+    auto plan = in.write("sea.toml", "[components.boat]\n"), file = in.file("voyage.mcap");
+    ise_test::start_options to_names;
+    to_names.variables = {{"ISE_NAME_SERVER", there.at.text()}};
+    ise_test::program recorder(
+        {"ise_recorder", "run", "recorder", "--file", file, "--only", "position", "--attach", plan}, to_names);
+    auto written = in.file("voyage_0001.mcap");
+    for (std::uint64_t messages = 0; messages < 100;) {
+        auto status = there.ise({"--timeout", "20s", "call", "ise/recorder", "status", "{}"});
+        if (status.exit_code == 0) messages = json::parse(status.out)["messages"].get<std::uint64_t>();
+    }
+    auto refused = there.ise({"call", "ise/recorder", "trigger", R"({"reason":"a test"})"});
+    CHECK(refused.exit_code == 1);
+    CHECK_THAT(refused.err, Contains("this recorder has no ring"));
+    recorder.signal(SIGINT);
+    CHECK(recorder.wait().exit_code == 0);
+    auto about = answer_of({"check", written});
+    CHECK(about["complete"] == true);
+    CHECK(about["attachments"][0]["name"] == "sea.toml");
+    // Launch rules restrict what remote starts may write and read.
+    auto type = json::parse(ise_test::run_program({"ise_recorder", "--describe"}).out)["types"][0];
+    std::vector<std::string> paths;
+    for (const auto& one : type["parameters"])
+        if (one["kind"] == "path") paths.push_back(one["name"]);
+    CHECK(paths == std::vector<std::string>{"file", "attach"});
+}
+
 TEST_CASE("a recording is played under another name") {
     recording whole;
     port there;
