@@ -35,11 +35,11 @@ json answer_of(std::vector<std::string> words) {
     return json::parse(ran.out);
 }
 
-/// The packets of `atirma/boat/position` of a second, in a file.
+/// The packets of `atirma/boat/position` of two seconds, in a file.
 struct recording {
     recording() : path(in.file("voyage.mcap")) {
         port there;
-        auto made = there.ise({"record", "atirma/boat", "--only", "position", "--for", "1s", "--out", path});
+        auto made = there.ise({"record", "atirma/boat", "--only", "position", "--for", "2s", "--out", path});
         INFO(made.err);
         REQUIRE(made.exit_code == 0);
     }
