@@ -103,6 +103,15 @@ TEST_CASE("mock stands in for a component, whose types it knows from another one
         CHECK_THAT(in.ise({"echo", "atirma/twin", "position", "-n", "1"}).out, Contains(R"("latitude_deg":1.5)"));
         CHECK_THAT(mock.read_line(), Contains(R"("request":{"mode":"fly"},"outcome":"refused"})"));
     }
+    SECTION("by rules on the command line, as the help shows") {
+        program mock(
+            with_names(in, {"mock", "atirma/twin", "helm",
+                            R"([{"request":{"mode":"fly"},"refuse":"boats sail"},{"response":{"accepted":true}}])"}));
+        CHECK_THAT(mock.read_error_line(), Contains("listens at "));
+        CHECK_THAT(in.ise({"call", "atirma/twin", "helm", R"({"mode":"fly"})"}).err, Contains("boats sail"));
+        CHECK(in.ise({"call", "atirma/twin", "helm", "{}"}).out == R"({"accepted":true,"reason":""})"
+                                                                   "\n");
+    }
     SECTION("from a file that was kept, without a name server") {
         folder files;
         auto result = in.ise({"type", "show", "atirma/boat", "helm", "--json"});
@@ -122,7 +131,8 @@ TEST_CASE("mock stands in for a component, whose types it knows from another one
         auto unfit = in.ise({"mock", "atirma/twin", "helm", R"({"acepted":true})"});
         CHECK(unfit.exit_code == 4);
         CHECK_THAT(unfit.err, Contains("acepted"));
-        CHECK(in.ise({"mock", "atirma/twin", "helm", R"([{"refuse":1}])"}).exit_code == 4); // rules come from a file
+        CHECK_THAT(in.ise({"mock", "atirma/twin", "helm", R"([{"refuse":1}])"}).err,
+                   Contains("rule 1 of 'helm': 'refuse' is no text"));
         CHECK(in.ise({"pub", "atirma/twin", "helm", "{}"}).exit_code == 2);
         CHECK(in.ise({"pub", "not a path", "position", "{}"}).exit_code == 2);
     }
