@@ -194,7 +194,7 @@ void declare_mock(CLI::App& app, parsed_command& made) {
                    "a service, and its response or packet as JSON or a FILE; several pairs are possible")
         ->required()
         ->type_name("SERVICE JSON|FILE")
-        ->expected(2, CLI::detail::expected_max_vector_size)
+        ->expected(2, 64)
         ->allow_extra_args(false); // else CLI11 takes a list of rules apart
     app.callback([&made, given] {
         if (given->services.size() % 2 != 0)

@@ -91,6 +91,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
     static std::size_t size_of(const recorded_message& one) { return one.packet.size() + message_overhead; }
 
     void put(recorded_message one) {
+        if (finishing) return; // what comes while the last batch is written would begin another file
         if (in_ring()) {
             ring_size += size_of(one);
             auto oldest = one.log_time - std::min(one.log_time, static_cast<timestamp>(options.ring.count()));
@@ -210,7 +211,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
         }
         for (;;) {
             const bool last = finishing;
-            if (queue.empty()) note_unwritten();
+            if (queue.empty() || last) note_unwritten();
             auto batch = std::exchange(queue, {});
             const auto why = std::exchange(reasons, {});
             const auto batch_bytes = queue_size;
@@ -235,8 +236,8 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
                 counts.files = file.counts().files;
                 if (!done) throw error(done.error());
             }
-            if (last && queue.empty() && unwritten.empty()) co_return;
-            if (!last) co_await self.sleep(write_period);
+            if (last) co_return;
+            co_await self.sleep(write_period);
         }
     }
 
