@@ -171,6 +171,10 @@ TEST_CASE("a recording is played under another name") {
         CHECK(none.exit_code != 0);
         CHECK_THAT(none.err, Contains(whole.path) && Contains("ise bag info lists its topics"));
     }
+    auto text = whole.in.write("notes.txt", "wind from the north-east");
+    auto refused = there.ise({"play", text});
+    CHECK(refused.exit_code == 4);
+    CHECK_THAT(refused.err, Contains(text + ": at byte 0: it is no MCAP file"));
 }
 
 } // namespace recordings_test
