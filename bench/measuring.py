@@ -189,13 +189,13 @@ def command_line(name):
     return " ".join([name, *words])
 
 
-def build(*targets):
-    """The release build of the targets; for peers what is missing is installed before, or told of."""
+def build(*targets, preset="release"):
+    """A build of the targets, by default the release build; for peers what is missing is installed before, or told of."""
     subprocess.run([str(ROOT / "cmake" / "install-packages"), "build"], check=True, stdout=sys.stderr)
     if "bench_peers" in targets and subprocess.run([str(ROOT / "cmake" / "install-packages"), "peers"], check=False, stdout=sys.stderr).returncode:
         print("bench: not every peer could be installed: those that are there are measured", file=sys.stderr)
     own = [target for target in targets if target != "bench_peers"]
-    subprocess.run([str(ROOT / "cmake" / "build"), "release", *own], check=True, stdout=sys.stderr)
+    subprocess.run([str(ROOT / "cmake" / "build"), preset, *own], check=True, stdout=sys.stderr)
     if "bench_peers" in targets:  # as many of them as can be built
         subprocess.run(["cmake", "--build", "--preset", "release", "--target", "bench_peers", "--", "-k0"], cwd=ROOT, check=False, stdout=sys.stderr)
 

@@ -116,6 +116,25 @@ void refuse_unknown_topics(const bag_options& options, const std::string& path, 
     }
 }
 
+bool selects(const bag_options& options) { return options.from || options.until || !options.only.empty(); }
+
+// The times and topics that were given choose no message of that file.
+problem nothing_selected(const bag_options& options, const std::string& path, const bag::summary& about) {
+    auto text = printable(path) + " has no message";
+    if (!options.only.empty()) text += " of " + printable(enumerate(options.only));
+    if (options.from && options.until)
+        text += fmt::format(" between {} and {} after its first one", show_duration(*options.from),
+                            show_duration(*options.until));
+    else if (options.from) text += fmt::format(" from {} after its first one on", show_duration(*options.from));
+    else if (options.until) text += fmt::format(" before {} after its first one", show_duration(*options.until));
+    if (const auto& in = about.statistics; in.message_count > 0) {
+        auto begin = wall_of(in.message_start_time), end = wall_of(in.message_end_time);
+        text += fmt::format(": it lasts {}, from {} to {}", show_duration(end - begin), iso_8601(begin, 3),
+                            iso_8601(end, 3));
+    }
+    return {exit_code::usage, "usage", text, "ise bag info shows its topics and times"};
+}
+
 // --- info and check --------------------------------------------------------------------------------------------------
 
 struct topic_line {
@@ -296,6 +315,7 @@ task<> cat(context& in, bag_options options) {
             from->messages.emplace(*from->file.file, from->file.about, filter_of(options, from->file.about));
         };
         co_await in.self.offload(begin);
+        bool any = false;
         for (;;) {
             auto read = [from, &options] {
                 constexpr std::size_t batch = std::size_t{64} << 10;
@@ -311,11 +331,13 @@ task<> cat(context& in, bag_options options) {
             };
             auto text = co_await in.self.offload(read);
             if (text.empty()) break;
+            any = true;
             co_await in.out.write(in.self, std::move(text));
         }
         if (from->file.about.damage)
             throw problem(exit_code::failed, "malformed", from->file.about.damage->message(),
                           "what comes before was shown; ise bag recover makes a whole file of it");
+        if (!any && selects(options)) throw nothing_selected(options, path, from->file.about);
     }
 }
 
@@ -399,6 +421,8 @@ copy_answer copy(const bag_options& options) {
         ++answer.messages;
         all[first].next = all[first].messages->next().value();
     }
+    if (answer.messages == 0 && selects(options))
+        throw nothing_selected(options, options.files.front(), all.front().file.about);
     out.close().value();
     made.keep();
     answer.bytes = out.bytes_written();

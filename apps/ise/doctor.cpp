@@ -19,7 +19,7 @@ namespace ise::cli {
 namespace {
 
 struct doctor_options {
-    duration interval = std::chrono::seconds(1); ///< between its two looks
+    duration interval = std::chrono::milliseconds(800); ///< between its two looks: it answers within a second
 };
 
 struct diagnosis {
@@ -178,7 +178,7 @@ task<> doctor(context& in, doctor_options options) {
 
 void declare_doctor(CLI::App& app, parsed_command& made) {
     auto given = std::make_shared<doctor_options>();
-    add_time(app, "--interval", given->interval, "time between its two inspections (default: 1s)");
+    add_time(app, "--interval", given->interval, "time between its two inspections (default: 800ms)");
     app.callback([&made, given] {
         made.looks = true;
         made.work = [given](context& in) { return doctor(in, *given); };

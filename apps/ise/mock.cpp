@@ -190,12 +190,14 @@ task<> mock(context& in, mock_options options) {
 void declare_mock(CLI::App& app, parsed_command& made) {
     auto given = std::make_shared<mock_options>();
     add_stand_in(app, given->place);
-    app.add_option("SERVICE", given->services,
-                   "a service, and its response or packet as JSON or a FILE; several pairs are possible")
-        ->required()
-        ->type_name("SERVICE JSON|FILE")
-        ->expected(2, 64);
-    app.callback([&made, given] {
+    auto first = std::make_shared<std::pair<std::string, std::string>>();
+    app.add_option("SERVICE", first->first, "a service")->required();
+    app.add_option("JSON", first->second, "its response or packet, or a list of rules; or a FILE that has it")
+        ->required();
+    app.add_option("MORE", given->services,
+                   "further pairs of these; a list of rules is in a FILE here"); // CLI11 takes it apart
+    app.callback([&made, given, first] {
+        given->services.insert(given->services.begin(), {first->first, first->second});
         if (given->services.size() % 2 != 0)
             throw problem(exit_code::usage, "usage",
                           fmt::format("there is nothing that '{}' is to say", given->services.back()),

@@ -61,7 +61,12 @@ task<> play(context& in, play_options options) {
     auto& env = in.self.env();
     auto begin = [on, of, &env, &options] {
         on->running = std::make_unique<node>(env, of);
-        on->play = std::make_unique<bag::player>(*on->running, options.what);
+        try {
+            on->play = std::make_unique<bag::player>(*on->running, options.what);
+        } catch (...) { // such as a file that is no recording
+            on->running.reset();
+            throw;
+        }
     };
     in.ctrl_c.care(in.self.on(), [on] { on->stopped = true; });
     co_await in.self.offload(begin);

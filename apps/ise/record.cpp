@@ -23,7 +23,6 @@ struct record_options {
     bool no_calls = false;
     bool no_parameters = false;
     std::optional<duration> length;
-    std::vector<std::string> attached;
 };
 
 struct record_answer {
@@ -44,16 +43,6 @@ task<> record(context& in, record_options options) {
     [[maybe_unused]] auto server = co_await reach_name_server(in); // whether there is one
     auto& what = options.what;
     what.name_servers = name_servers_of(in.set, in.self.env());
-    for (const auto& path : options.attached) {
-        auto content = in.self.env().read_file(path, std::size_t{64} << 20);
-        if (!content) throw problem(content.error());
-        bag::attached_file made;
-        made.name = path.substr(path.rfind('/') + 1);
-        made.media_type = path.ends_with(".toml") ? "application/toml" : "application/octet-stream";
-        auto raw = as_bytes(*content);
-        made.data.assign(raw.begin(), raw.end());
-        what.files.attachments.push_back(std::move(made));
-    }
     what.files.format.library = "ise " ISE_VERSION;
     what.files.about["host"] = in.self.env().identity().host_name;
     what.files.about["started_at"] = iso_8601(in.self.wall());
@@ -109,8 +98,10 @@ void declare_record(CLI::App& app, parsed_command& made) {
              "WHAT");
     add_time(app, "--after", what.after, "recorded after a trigger (default: 10s)");
     add_time(app, "--for", given->length, "end after this time");
-    add_each(app, "--attach", given->attached, "a file that is attached to each recording; may be given several times",
-             "FILE");
+    add_each(
+        app, "--attach", what.files.attached,
+        "a file that is attached to each recording, such as the deployment file or a log; may be given several times",
+        "FILE");
     app.callback([&made, given] {
         auto& settings = given->what;
         for (const auto& path : settings.paths) check_prefix(path);

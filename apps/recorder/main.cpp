@@ -45,6 +45,8 @@ ise::component_type recorder_type() {
             "keep only this time, in memory, until a trigger; 0: record all the time")
         .range(0, 1440);
     set.add("after-seconds", given->after_seconds, "recorded after a trigger").range(0, 86400);
+    set.add("attach", options->files.attached, "files that are attached to each recording, such as deployment and logs")
+        .kind(ise::parameter_kind::path);
     set.add("trigger", options->triggers, "COMPONENT/SERVICE: a packet or a call of it; gone:PATH: a name that goes");
     type.provides(ise::bag::trigger_service).provides(ise::bag::recorder_status_service);
     type.make = [options, given] {

@@ -1,5 +1,6 @@
 #pragma once
 #include <components/foxglove_gateway/protocol.hpp>
+#include <components/foxglove_gateway/viewer.hpp>
 
 #include <ise/packet/dynamic.hpp>
 #include <ise/service/dynamic.hpp>
@@ -27,6 +28,7 @@ public:
     struct channel {
         std::string topic;
         schema_info schema;
+        channel_kind kind = channel_kind::state;
     };
     virtual ~derivation() = default;
 

@@ -18,7 +18,7 @@ struct gateway_status {
     std::uint32_t channels = 0;      ///< advertised now
     std::uint32_t subscriptions = 0; ///< of the gateway to components, now
     std::uint64_t messages = 0;      ///< sent to viewers
-    std::uint64_t skipped = 0;       ///< messages that a viewer did not take before a newer one of the channel came
+    std::uint64_t skipped = 0;       ///< messages that a viewer did not take before newer ones of the channel came
     std::uint64_t malformed = 0;     ///< messages of viewers that were refused
     std::uint64_t calls = 0;         ///< made for viewers
     std::uint64_t calls_failed = 0;  ///< of these

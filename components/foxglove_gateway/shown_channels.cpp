@@ -1,7 +1,5 @@
 #include <components/foxglove_gateway/shown_channels.hpp>
 
-#include <components/foxglove_gateway/derived_channels.hpp>
-
 #include <ise/bag/protobuf.hpp>
 #include <ise/component/served_runs.hpp>
 #include <ise/core/buffer.hpp>
@@ -28,8 +26,9 @@ constexpr std::uint32_t derived_depth = 256;                     // packets; a d
 
 struct shown_channels::channel {
     channel_info info;
+    channel_kind kind = channel_kind::state;
     source* from = nullptr;
-    std::shared_ptr<const channel_message> last;
+    std::shared_ptr<const channel_message> last; // of state: what a new viewer gets
     std::vector<viewer::subscription*> subscribers;
 
     /// The status that viewers get for an error in its subscription.
@@ -55,6 +54,9 @@ struct shown_channels::source : std::enable_shared_from_this<source> {
     bool withdrawn = false; // nothing is sent any more
     time_point unused_since{};
     std::string problem;
+    bool has_events() const {
+        return std::ranges::any_of(channels, [](const auto& one) { return one->kind == channel_kind::events; });
+    }
     bool used() const {
         return (derived && derived->always()) ||
                std::ranges::any_of(channels, [](const auto& one) { return !one->subscribers.empty(); });
@@ -71,6 +73,7 @@ public:
         channel one;
         one.topic = std::move(topic);
         one.schema = protobuf_schema(type_.name(), type_.descriptors());
+        one.kind = channel_kind::events;
         channels_.push_back(std::move(one));
     }
     const std::vector<channel>& channels() const override { return channels_; }
@@ -92,18 +95,18 @@ private:
 
 // --- coming and going ------------------------------------------------------------------------------------------------
 
-void shown_channels::add_channel(source& from, std::string topic, schema_info schema) {
+void shown_channels::add_channel(source& from, const derivation::channel& shown) {
     auto made = std::make_unique<channel>();
-    made->info.id = in_->number_of(fmt::format("channel\n{}\n{}", topic, identity_of(schema)));
-    if (channels_.contains(made->info.id)) { // two derivations under one name: the first one counts
-        in_->self.log().warning(fmt::format("two channels have the topic {}: one is not shown", topic));
+    made->info.id = in_->number_of(fmt::format("channel\n{}\n{}", shown.topic, identity_of(shown.schema)));
+    if (channels_.find(made->info.id)) { // two derivations under one name: the first one counts
+        in_->self.log().warning(fmt::format("two channels have the topic {}: one is not shown", shown.topic));
         made->info.id = in_->fresh_number();
     }
-    made->info.topic = std::move(topic);
-    made->info.schema = std::move(schema);
+    made->info.topic = shown.topic;
+    made->info.schema = shown.schema;
+    made->kind = shown.kind;
     made->from = &from;
-    channels_[made->info.id] = made.get();
-    added_.push_back(&made->info);
+    channels_.add(made.get());
     from.channels.push_back(std::move(made));
 }
 
@@ -111,14 +114,16 @@ void shown_channels::add(const std::string& path, const dynamic_contract& servic
     auto raw = std::make_shared<source>(path, service);
     raw->type = std::make_unique<bag::protobuf_type>(service.packet(role::published));
     auto& shown = sources_[{path, service.name()}];
-    add_channel(*raw, fmt::format("{}/{}", path, service.name()),
-                protobuf_schema(raw->type->name(), raw->type->descriptors()));
+    derivation::channel packets;
+    packets.topic = fmt::format("{}/{}", path, service.name());
+    packets.schema = protobuf_schema(raw->type->name(), raw->type->descriptors());
+    add_channel(*raw, packets);
     shown.push_back(raw);
     for (const auto& make : in_->options.derivations) {
         auto derived = make(path, service);
         if (!derived) continue;
         auto from = std::make_shared<source>(path, service);
-        for (const auto& one : derived->channels()) add_channel(*from, one.topic, one.schema);
+        for (const auto& one : derived->channels()) add_channel(*from, one);
         from->derived = std::move(derived);
         shown.push_back(from);
     }
@@ -129,7 +134,7 @@ void shown_channels::add(const std::string& path, const dynamic_contract& servic
 void shown_channels::add_runs(const std::string& path, const dynamic_contract& action, const dynamic_contract& runs) {
     auto from = std::make_shared<source>(path, runs);
     from->derived = std::make_unique<runs_of_action>(fmt::format("{}/{}", path, action.name()), action);
-    for (const auto& one : from->derived->channels()) add_channel(*from, one.topic, one.schema);
+    for (const auto& one : from->derived->channels()) add_channel(*from, one);
     sources_[{path, action.name()}].push_back(std::move(from));
 }
 
@@ -139,8 +144,7 @@ void shown_channels::remove(const std::string& path, const std::string& service)
     for (const auto& from : found->second) {
         from->withdrawn = true;
         for (const auto& one : from->channels) {
-            removed_.push_back(one->info.id);
-            channels_.erase(one->info.id);
+            channels_.remove(one->info.id);
             for (auto* each : std::exchange(one->subscribers, {})) each->of->unsubscribe(each->id);
         }
         from->channels.clear();
@@ -149,25 +153,12 @@ void shown_channels::remove(const std::string& path, const std::string& service)
     sources_.erase(found);
 }
 
-void shown_channels::announce() {
-    if (!removed_.empty()) to_->tell_all(write_unadvertise(removed_));
-    if (!added_.empty()) to_->tell_all(write_advertise(added_));
-    if (!removed_.empty() || !added_.empty()) list_.reset();
-    removed_.clear();
-    added_.clear();
-}
+void shown_channels::announce() { channels_.announce(*to_); }
+
+std::shared_ptr<const std::string> shown_channels::list() { return channels_.list(); }
 
 bool shown_channels::has(const std::string& path, const std::string& service) const {
     return sources_.contains({path, service});
-}
-
-std::shared_ptr<const std::string> shown_channels::list() {
-    if (!list_) {
-        std::vector<const channel_info*> all;
-        for (const auto& [id, one] : channels_) all.push_back(&one->info);
-        list_ = std::make_shared<const std::string>(write_advertise(all));
-    }
-    return list_;
 }
 
 // --- packets ---------------------------------------------------------------------------------------------------------
@@ -194,7 +185,9 @@ task<> shown_channels::feed(std::shared_ptr<shown_channels> me, std::shared_ptr<
     auto& in = *me->in_;
     auto who = in.self.at(from->path);
     subscribe_options terms = subscribe_options::latest();
-    if (from->derived) terms = subscribe_options::last(derived_depth);
+    const bool events = from->has_events();
+    if (events) terms = subscribe_options::last(in.options.viewer.max_events);
+    else if (from->derived) terms = subscribe_options::last(derived_depth);
     else if (in.options.viewer.depth > 1) terms = subscribe_options::last(in.options.viewer.depth);
     duration pause = first_pause;
     while (from->wanted) {
@@ -221,6 +214,11 @@ task<> shown_channels::feed(std::shared_ptr<shown_channels> me, std::shared_ptr<
             for (;;) {
                 auto packet = co_await held->next();
                 if (!packet) break;
+                const auto lost = packet.lost_before();
+                if (events && (!lost || *lost > 0))
+                    in.note(fmt::format("{} events of '{}/{}' did not reach this gateway",
+                                        lost ? std::to_string(*lost) : "an unknown number of", from->path,
+                                        from->contract.name()));
                 if (!from->withdrawn) me->take(*from, *packet, packet.published_at().value_or(in.self.wall()));
             }
             if (held->ended()) problem = held->cause().message();
@@ -275,7 +273,7 @@ void shown_channels::publish(channel& on, wall_time at, std::string payload) {
     auto made = std::make_shared<channel_message>();
     made->at = at;
     made->payload = std::move(payload);
-    on.last = made;
+    if (on.kind == channel_kind::state) on.last = made;
     for (auto* to : on.subscribers) to->of->offer(*to, made);
 }
 
@@ -283,21 +281,20 @@ void shown_channels::publish(channel& on, wall_time at, std::string payload) {
 
 void shown_channels::take(const std::shared_ptr<viewer>& who, const subscribe_message& asked) {
     for (const auto& one : asked.subscriptions) {
-        auto found = channels_.find(one.channel);
-        if (found == channels_.end()) {
+        auto* on = channels_.find(one.channel);
+        if (!on) {
             to_->refuse(*who, fmt::format("subscribe: there is no channel {}", one.channel));
             continue;
         }
-        auto made = who->subscribe(one.id, one.channel);
+        auto made = who->subscribe(one.id, one.channel, on->kind);
         if (!made) {
             to_->refuse(*who, fmt::format("subscribe: {}", made.error().message()));
             continue;
         }
-        auto& on = *found->second;
-        on.subscribers.push_back(*made);
-        if (on.last) who->offer(**made, on.last);
-        want(on.from->shared_from_this());
-        if (!on.from->problem.empty()) who->text(on.condition(on.from->problem));
+        on->subscribers.push_back(*made);
+        if (on->last) who->offer(**made, on->last);
+        want(on->from->shared_from_this());
+        if (!on->from->problem.empty()) who->text(on->condition(on->from->problem));
     }
 }
 
@@ -318,8 +315,7 @@ void shown_channels::leave(viewer& who) {
 }
 
 void shown_channels::detach(viewer::subscription& which) {
-    auto found = channels_.find(which.channel);
-    if (found != channels_.end()) std::erase(found->second->subscribers, &which);
+    if (auto* on = channels_.find(which.channel)) std::erase(on->subscribers, &which);
 }
 
 void shown_channels::tick() {

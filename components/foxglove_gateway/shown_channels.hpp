@@ -1,4 +1,6 @@
 #pragma once
+#include <components/foxglove_gateway/advertisements.hpp>
+#include <components/foxglove_gateway/derived_channels.hpp>
 #include <components/foxglove_gateway/gateway_context.hpp>
 #include <components/foxglove_gateway/viewer_sessions.hpp>
 
@@ -7,7 +9,6 @@
 #include <ise/service/dynamic.hpp>
 
 #include <cstddef>
-#include <cstdint>
 #include <map>
 #include <memory>
 #include <string>
@@ -47,7 +48,7 @@ public:
 private:
     struct source;
     struct channel;
-    void add_channel(source& from, std::string topic, schema_info schema);
+    void add_channel(source& from, const derivation::channel& shown);
     void want(const std::shared_ptr<source>& from);
     void stop(source& from);
     static task<> feed(std::shared_ptr<shown_channels> me, std::shared_ptr<source> from);
@@ -59,10 +60,7 @@ private:
     std::shared_ptr<gateway_context> in_;
     std::shared_ptr<viewer_sessions> to_;
     std::map<std::pair<std::string, std::string>, std::vector<std::shared_ptr<source>>> sources_; // by path and service
-    std::map<std::uint32_t, channel*> channels_;
-    std::vector<const channel_info*> added_;
-    std::vector<std::uint32_t> removed_;
-    std::shared_ptr<const std::string> list_; // null: to be made
+    advertisements<channel*, channel_info> channels_{write_advertise, write_unadvertise};
 };
 
 } // namespace ise::foxglove

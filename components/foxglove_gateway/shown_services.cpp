@@ -54,35 +54,20 @@ void shown_services::add(const std::string& path, const dynamic_contract& servic
     auto made = std::make_shared<callable>(path, service);
     made->info.id = in_->number_of(fmt::format("service\n{}\n{}\n{}", made->info.name, identity_of(made->info.request),
                                                identity_of(made->info.response)));
-    by_id_[made->info.id] = made;
+    advertised_.add(made);
     all_[{path, service.name()}] = made;
-    added_.push_back(&made->info);
 }
 
 void shown_services::remove(const std::string& path, const std::string& service) {
     auto found = all_.find({path, service});
     if (found == all_.end()) return;
-    removed_.push_back(found->second->info.id);
-    by_id_.erase(found->second->info.id);
+    advertised_.remove(found->second->info.id);
     all_.erase(found);
 }
 
-void shown_services::announce() {
-    if (!removed_.empty()) to_->tell_all(write_unadvertise_services(removed_));
-    if (!added_.empty()) to_->tell_all(write_advertise_services(added_));
-    if (!removed_.empty() || !added_.empty()) list_.reset();
-    removed_.clear();
-    added_.clear();
-}
+void shown_services::announce() { advertised_.announce(*to_); }
 
-std::shared_ptr<const std::string> shown_services::list() {
-    if (!list_) {
-        std::vector<const service_info*> all;
-        for (const auto& [id, one] : by_id_) all.push_back(&one->info);
-        list_ = std::make_shared<const std::string>(write_advertise_services(all));
-    }
-    return list_;
-}
+std::shared_ptr<const std::string> shown_services::list() { return advertised_.list(); }
 
 void shown_services::take(const std::shared_ptr<viewer>& who, call_message& asked) {
     auto fails = [&](std::string why) {
@@ -90,15 +75,16 @@ void shown_services::take(const std::shared_ptr<viewer>& who, call_message& aske
         ++in_->counts.calls_failed;
     };
     if (!in_->options.allow_calls) return fails("viewers may not call services here (--allow-calls)");
-    auto found = by_id_.find(asked.service);
-    if (found == by_id_.end()) return fails(fmt::format("there is no service {}", asked.service));
+    auto service = advertised_.find(asked.service);
+    if (!service) return fails(fmt::format("there is no service {}", asked.service));
     if (asked.encoding != "json" && asked.encoding != "protobuf")
         return fails(fmt::format("the encoding is '{}', not protobuf or json", asked.encoding));
     auto under_way = to_->begin(who);
     if (!under_way) return fails(to_->too_much(*who));
     ++in_->counts.calls;
-    in_->self.spawn("call " + found->second->info.name,
-                    call(shared_from_this(), who, found->second, std::move(asked), std::move(*under_way)));
+    auto name = "call " + service->info.name;
+    in_->self.spawn(std::move(name),
+                    call(shared_from_this(), who, std::move(service), std::move(asked), std::move(*under_way)));
 }
 
 task<> shown_services::call(std::shared_ptr<shown_services> me, std::shared_ptr<viewer> who,

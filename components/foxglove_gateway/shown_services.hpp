@@ -1,16 +1,15 @@
 #pragma once
+#include <components/foxglove_gateway/advertisements.hpp>
 #include <components/foxglove_gateway/gateway_context.hpp>
 #include <components/foxglove_gateway/viewer_sessions.hpp>
 
 #include <ise/core/task.hpp>
 #include <ise/service/dynamic.hpp>
 
-#include <cstdint>
 #include <map>
 #include <memory>
 #include <string>
 #include <utility>
-#include <vector>
 
 namespace ise::foxglove {
 
@@ -38,10 +37,8 @@ private:
     std::shared_ptr<gateway_context> in_;
     std::shared_ptr<viewer_sessions> to_;
     std::map<std::pair<std::string, std::string>, std::shared_ptr<callable>> all_; // by path and service
-    std::map<std::uint32_t, std::shared_ptr<callable>> by_id_;
-    std::vector<const service_info*> added_;
-    std::vector<std::uint32_t> removed_;
-    std::shared_ptr<const std::string> list_; // null: to be made
+    advertisements<std::shared_ptr<callable>, service_info> advertised_{write_advertise_services,
+                                                                        write_unadvertise_services};
 };
 
 } // namespace ise::foxglove

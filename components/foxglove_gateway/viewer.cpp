@@ -47,7 +47,7 @@ void viewer::clock(std::string message) {
     wake_();
 }
 
-result<viewer::subscription*> viewer::subscribe(std::uint32_t id, std::uint32_t channel) {
+result<viewer::subscription*> viewer::subscribe(std::uint32_t id, std::uint32_t channel, channel_kind kind) {
     if (all_.contains(id)) return failure(errc::invalid_argument, fmt::format("the subscription id {} is in use", id));
     if (by_channel_.contains(channel))
         return failure(errc::invalid_argument, fmt::format("the channel {} has a subscription already", channel));
@@ -58,6 +58,7 @@ result<viewer::subscription*> viewer::subscribe(std::uint32_t id, std::uint32_t 
     made->of = this;
     made->id = id;
     made->channel = channel;
+    made->depth = std::max(kind == channel_kind::events ? limits_.max_events : limits_.depth, 1u);
     by_channel_[channel] = id;
     return made.get();
 }
@@ -91,7 +92,7 @@ void viewer::offer(subscription& to, std::shared_ptr<const channel_message> mess
     if (gone) return;
     waiting_bytes_ += message->payload.size() + message_overhead;
     to.waiting.push_back(std::move(message));
-    if (to.waiting.size() > std::max<std::uint32_t>(limits_.depth, 1)) {
+    if (to.waiting.size() > to.depth) {
         waiting_bytes_ -= to.waiting.front()->payload.size() + message_overhead;
         to.waiting.pop_front();
         ++skipped_;

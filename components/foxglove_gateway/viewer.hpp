@@ -18,9 +18,16 @@ struct channel_message {
     std::string payload;
 };
 
+/// What a message of a channel is to a viewer that has not taken the one before it.
+enum class channel_kind : std::uint8_t {
+    state, ///< replaces it: the newest `depth` are kept
+    events ///< comes beside it: up to `max_events` are kept
+};
+
 /// What one viewer can cost.
 struct viewer_limits {
-    std::uint32_t depth = 1;                              ///< messages of each channel that wait; the newest are kept
+    std::uint32_t depth = 1;         ///< messages of each channel of state that wait; the newest are kept
+    std::uint32_t max_events = 1024; ///< messages of each channel of events that wait; the newest are kept
     std::size_t max_waiting_bytes = std::size_t{8} << 20; ///< of messages that wait; beyond, the oldest are skipped
     std::size_t max_control_bytes = std::size_t{4} << 20; ///< of everything else that waits; beyond, it is closed
     std::size_t max_subscriptions = 4096;                 ///< at once
@@ -31,13 +38,14 @@ struct viewer_limits {
 };
 
 /// What waits for one viewer, and what it has asked for. Pure: no I/O, no clock. A viewer that takes nothing keeps the
-/// newest `depth` messages of each channel.
+/// newest messages of each channel, as many as its kind says.
 class viewer {
 public:
     /// One subscription; `waiting` is the viewer's own business.
     struct subscription {
         viewer* of = nullptr;
         std::uint32_t id = 0, channel = 0;
+        std::uint32_t depth = 1; ///< messages that wait at most
         std::deque<std::shared_ptr<const channel_message>> waiting;
         bool listed = false;
     };
@@ -61,7 +69,7 @@ public:
     bool idle() const noexcept { return control_.empty(); }
 
     /// errc::invalid_argument for an id that is in use or a channel that has a subscription; errc::overloaded.
-    result<subscription*> subscribe(std::uint32_t id, std::uint32_t channel);
+    result<subscription*> subscribe(std::uint32_t id, std::uint32_t channel, channel_kind kind = channel_kind::state);
     subscription* find(std::uint32_t id) noexcept; ///< by id; null: there is none
     void unsubscribe(std::uint32_t id) noexcept;   ///< what waits for it is not sent
     const std::map<std::uint32_t, std::unique_ptr<subscription>>& subscriptions() const noexcept { return all_; }
@@ -72,7 +80,7 @@ public:
     void fill(std::string& to);
 
     std::uint64_t sent() const noexcept { return sent_; }       ///< messages of channels
-    std::uint64_t skipped() const noexcept { return skipped_; } ///< replaced by newer ones before they were sent
+    std::uint64_t skipped() const noexcept { return skipped_; } ///< pushed out by newer ones before they were sent
 
     // What it has asked for; looked after by the gateway.
     std::map<std::uint32_t, advertise_message::entry> channels;

@@ -133,7 +133,7 @@ void viewer_sessions::tick() {
         if (who.skipped() == who.told_skipped || now - one.told_at < status_period) continue;
         who.text(write_status(status_level::warning,
                               fmt::format("{} messages were skipped as this viewer does not take them in time; the "
-                                          "newest of each channel is sent",
+                                          "newest of each channel are sent",
                                           who.skipped() - who.told_skipped)));
         who.told_skipped = who.skipped();
         one.told_at = now;

@@ -582,7 +582,7 @@ player::player(node& in, player_options options) : shared_(std::make_shared<shar
             errc::invalid_argument,
             fmt::format("{} has no packets or calls of ISE that are to be played; ise bag info lists its topics",
                         self.options.file));
-    if (self.as_recorded() && !tests)
+    if ((self.as_recorded() || !self.options.tested.empty()) && !tests)
         throw error(errc::invalid_argument, fmt::format("{} has nothing of {}; ise bag info lists its topics",
                                                         self.options.file, fmt::join(self.options.tested, ", ")));
     if (auto read = read_calls(self); !read) throw error(read.error());

@@ -10,6 +10,7 @@
 #include <ise/core/environment.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/core/task_scope.hpp>
+#include <ise/core/time_text.hpp>
 #include <ise/naming/services.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/packet/dynamic.hpp>
@@ -72,6 +73,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
     std::set<std::string> present;                              // paths
     std::set<std::string> followed;                             // services, by topic
     std::map<const topic*, std::uint32_t> sequences;
+    string_map reasons; // of triggers, by their times: to be written
     std::vector<recorded_message> queue;
     std::size_t queue_size = 0;
     std::map<std::string, std::pair<gap_event, std::uint64_t>> unwritten; // lost here, by topic
@@ -89,6 +91,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
     static std::size_t size_of(const recorded_message& one) { return one.packet.size() + message_overhead; }
 
     void put(recorded_message one) {
+        if (finishing) return; // what comes while the last batch is written would begin another file
         if (in_ring()) {
             ring_size += size_of(one);
             auto oldest = one.log_time - std::min(one.log_time, static_cast<timestamp>(options.ring.count()));
@@ -161,6 +164,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
                                     std::chrono::duration<double>(options.ring).count(), reason));
         if (in_ring()) {
             ++counts.triggered;
+            reasons[iso_8601(self.wall(), 3)] = reason;
             for (auto& one : ring) {
                 queue_size += size_of(one);
                 queue.push_back(std::move(one));
@@ -180,7 +184,8 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
     // --- writing ----------------------------------------------------------------------------------------------------
 
     // Outside of the loop. The first failure that is not one of a single packet.
-    result<void> write(std::vector<recorded_message>& batch, bool flush, bool close, std::vector<failure>& refused) {
+    result<void> write(std::vector<recorded_message>& batch, const string_map& why, timestamp now, bool flush,
+                       bool close, std::vector<failure>& refused) {
         for (const auto& one : batch) {
             auto done = file.write(one);
             if (!done && done.error().code() == errc::malformed) {
@@ -189,6 +194,8 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
             }
             if (!done) return done;
         }
+        if (!why.empty())
+            if (auto done = file.note("ise.trigger", why, now); !done) return done;
         if (close) return file.close();
         return flush ? file.flush() : result<void>();
     }
@@ -204,19 +211,22 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
         }
         for (;;) {
             const bool last = finishing;
-            if (queue.empty()) note_unwritten();
+            if (queue.empty() || last) note_unwritten();
             auto batch = std::exchange(queue, {});
+            const auto why = std::exchange(reasons, {});
             const auto batch_bytes = queue_size;
             const bool close = last || (close_file && in_ring());
             const bool flush = self.now() - flushed >= options.flush;
-            if (!batch.empty() || flush || close) {
+            if (!batch.empty() || !why.empty() || flush || close) {
                 if (flush) flushed = self.now();
                 if (close) close_file = false;
                 std::vector<failure> refused;
                 result<void> done;
-                auto work = [this, &batch, flush, close, &refused] { return write(batch, flush, close, refused); };
+                auto work = [this, &batch, &why, now = nanoseconds(self.wall()), flush, close, &refused] {
+                    return write(batch, why, now, flush, close, refused);
+                };
                 done = co_await self.offload(std::move(work));
-                if (!batch.empty() && !close && options.ring > duration{}) close_file = true;
+                if ((!batch.empty() || !why.empty()) && !close && options.ring > duration{}) close_file = true;
                 queue_size -= batch_bytes;
                 counts.lost += refused.size();
                 for (const auto& one : refused)
@@ -226,8 +236,8 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
                 counts.files = file.counts().files;
                 if (!done) throw error(done.error());
             }
-            if (last && queue.empty() && unwritten.empty()) co_return;
-            if (!last) co_await self.sleep(write_period);
+            if (last) co_return;
+            co_await self.sleep(write_period);
         }
     }
 
@@ -235,7 +245,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
     void write_rest() {
         note_unwritten();
         std::vector<failure> refused;
-        if (auto done = write(queue, true, true, refused); !done)
+        if (auto done = write(queue, std::exchange(reasons, {}), nanoseconds(self.wall()), true, true, refused); !done)
             self.log().warning(fmt::format("the end of the recording was not written: {}", done.error().message()));
         queue.clear();
     }

@@ -61,7 +61,7 @@ public:
     task<> run();
     /// Ends the recording: `run` writes what has come, and returns. On the loop.
     void finish();
-    /// Writes the ring; the reason is recorded as metadata. False: there is no ring.
+    /// Writes the ring; its file has the reason as metadata `ise.trigger`. False: there is no ring.
     bool trigger(const std::string& reason);
     const recorder_counts& counts() const noexcept; ///< so far
 

@@ -1,5 +1,7 @@
 #include <ise/bag/recording.hpp>
 
+#include <ise/bag/compression.hpp>
+#include <ise/bag/file.hpp>
 #include <ise/component/served_runs.hpp>
 #include <ise/packet/adapt.hpp>
 #include <ise/packet/codec.hpp>
@@ -8,6 +10,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <string_view>
 #include <utility>
 
@@ -173,6 +176,32 @@ string_map topic::metadata() const {
     return made;
 }
 
+namespace {
+
+constexpr std::uint64_t max_attached_bytes = std::uint64_t{64} << 20;
+
+result<bytes> content_of_file(const std::string& path) {
+    auto file = open_file(path);
+    if (!file) return file.error();
+    auto size = (*file)->size();
+    if (!size) return size.error();
+    if (*size > max_attached_bytes)
+        return failure(errc::too_large, fmt::format("{} has {} bytes, and at most {} are attached (max_attached_bytes)",
+                                                    path, *size, max_attached_bytes));
+    bytes made(static_cast<std::size_t>(*size));
+    auto got = (*file)->read(0, made);
+    if (!got) return got.error();
+    made.resize(*got);
+    return made;
+}
+
+std::string media_type_of(std::string_view path) {
+    if (path.ends_with(".toml")) return "application/toml";
+    return path.ends_with(".log") || path.ends_with(".txt") ? "text/plain" : "application/octet-stream";
+}
+
+} // namespace
+
 struct recording_file::state {
     explicit state(recording_options how) : options(std::move(how)) {}
 
@@ -180,7 +209,8 @@ struct recording_file::state {
     recording_counts counts;
     std::optional<writer> out;
     std::map<const topic*, std::pair<std::uint16_t, std::shared_ptr<const topic>>> channels; // of the present file
-    timestamp began = 0;
+    std::map<std::string, std::uint32_t> attached; // to the present file: CRC by path
+    timestamp began = 0, latest = 0;
     std::uint64_t bytes_before = 0;
     std::uint64_t number = 0; // of the present file
     buffer message;
@@ -209,21 +239,53 @@ struct recording_file::state {
         if (!made) return made.error();
         out.emplace(std::move(*made));
         channels.clear();
-        began = at;
+        attached.clear();
+        began = latest = at;
         counts.files.push_back(name);
         metadata_record about;
         about.name = "ise";
         about.metadata = options.about;
         if (auto done = out->write(about); !done) return done;
-        for (const auto& one : options.attachments) {
-            attachment_record attached;
-            attached.log_time = at;
-            attached.name = one.name;
-            attached.media_type = one.media_type;
-            attached.data = one.data;
-            if (auto done = out->attach(attached); !done) return done;
+        return attach_files();
+    }
+
+    // Those that have changed since they were attached; metadata says which could not be read.
+    result<void> attach_files() {
+        metadata_record missing;
+        missing.name = "ise.not_attached";
+        for (const auto& path : options.attached) {
+            auto content = content_of_file(path);
+            if (!content) {
+                if (!attached.contains(path)) missing.metadata[path] = content.error().message();
+                continue;
+            }
+            const auto crc = crc32(*content);
+            auto [known, is_new] = attached.try_emplace(path, crc);
+            if (!is_new && std::exchange(known->second, crc) == crc) continue;
+            attachment_record made;
+            made.log_time = made.create_time = latest;
+            made.name = path.substr(path.rfind('/') + 1);
+            made.media_type = media_type_of(path);
+            made.data = *content;
+            if (auto done = out->attach(made); !done) return done;
         }
-        return {};
+        return missing.metadata.empty() ? result<void>() : out->write(missing);
+    }
+
+    result<void> begin(timestamp now) {
+        if (out) return {};
+        for (const auto& path : options.attached)
+            if (auto content = content_of_file(path); !content) return content.error();
+        return open(now);
+    }
+
+    result<void> note(const std::string& name, const string_map& what, timestamp now) {
+        if (!out)
+            if (auto done = open(now); !done) return done;
+        metadata_record made;
+        made.name = name;
+        made.metadata = what;
+        return out->write(made);
     }
 
     bool full(timestamp now) const {
@@ -234,7 +296,8 @@ struct recording_file::state {
 
     result<void> close() {
         if (!out) return {};
-        auto done = out->close();
+        auto done = attach_files();
+        if (auto closed = out->close(); done) done = closed;
         if (done) done = out->sync();
         bytes_before += out->bytes_written();
         counts.bytes = bytes_before;
@@ -266,6 +329,7 @@ struct recording_file::state {
         made.data = message.view();
         auto done = out->write(made);
         if (done) ++counts.messages;
+        latest = std::max(latest, one.log_time);
         counts.bytes = bytes_before + out->bytes_written();
         return done;
     }
@@ -275,8 +339,11 @@ recording_file::recording_file(recording_options options) : state_(std::make_uni
 recording_file::~recording_file() = default;
 recording_file::recording_file(recording_file&&) noexcept = default;
 recording_file& recording_file::operator=(recording_file&&) noexcept = default;
-result<void> recording_file::begin(timestamp now) { return state_->out ? result<void>() : state_->open(now); }
+result<void> recording_file::begin(timestamp now) { return state_->begin(now); }
 result<void> recording_file::write(const recorded_message& message) { return state_->write(message); }
+result<void> recording_file::note(const std::string& name, const string_map& what, timestamp now) {
+    return state_->note(name, what, now);
+}
 result<void> recording_file::flush() { return state_->out ? state_->out->flush() : result<void>(); }
 result<void> recording_file::close() { return state_->close(); }
 const recording_counts& recording_file::counts() const noexcept { return state_->counts; }

@@ -116,22 +116,17 @@ struct recorded_message {
     bytes packet; ///< ISE's bytes
 };
 
-/// A file that is attached to a recording.
-struct attached_file {
-    std::string name;
-    std::string media_type;
-    bytes data;
-};
-
 /// How recordings are written.
 struct recording_options {
-    std::string file;                       ///< "voyage.mcap"; with splitting voyage_0001.mcap and so on
-    writer_options format;                  ///< of the files
-    std::uint64_t split_bytes = 0;          ///< a new file after so many; 0: none
-    duration split_time{};                  ///< a new file after this time; 0: none
-    bool numbered = false;                  ///< numbers also where nothing is split, for recordings that begin again
-    std::vector<attached_file> attachments; ///< in each file
-    string_map about;                       ///< metadata `ise` of each file
+    std::string file;              ///< "voyage.mcap"; with splitting voyage_0001.mcap and so on
+    writer_options format;         ///< of the files
+    std::uint64_t split_bytes = 0; ///< a new file after so many; 0: none
+    duration split_time{};         ///< a new file after this time; 0: none
+    bool numbered = false;         ///< numbers also where nothing is split, for recordings that begin again
+    /// Files that are attached to each recording at its beginning, and at its end again if they have changed since, as
+    /// logs do; a reader takes the last of a name. At most 64 MiB each (`max_attached_bytes`).
+    std::vector<std::string> attached;
+    string_map about; ///< metadata `ise` of each file
 };
 
 /// Counts of a recording.
@@ -149,11 +144,14 @@ public:
     recording_file(recording_file&&) noexcept;
     recording_file& operator=(recording_file&&) noexcept;
 
-    /// Begins the first file, before there is a message. Errors as below.
+    /// Begins the first file, before there is a message. Errors as below, and those of a file that is to be attached
+    /// and cannot be read. Later such a file is left out, which the metadata `ise.not_attached` says.
     result<void> begin(timestamp now);
     /// Writes a message, into a new file where one is due. errc::io_failed, errc::too_large; errc::malformed for a
     /// packet that does not match its schema, after which others can be written.
     result<void> write(const recorded_message& message);
+    /// Adds metadata to the present file; begins one where there is none. Errors as above.
+    result<void> note(const std::string& name, const string_map& what, timestamp now);
     /// What came before is in the file.
     result<void> flush();
     /// Ends the present file; the next message begins another.

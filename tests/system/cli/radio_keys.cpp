@@ -1,11 +1,11 @@
 // `atirma keys` at the command line: what it makes, what it refuses, and that no output has a key.
+#include "folder.hpp"
+
 #include <support/catch.hpp>
 #include <support/program.hpp>
 
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <iterator>
 #include <string>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -14,25 +14,9 @@
 namespace radio_keys_test {
 
 using Catch::Contains;
+using cli_test::folder;
+using cli_test::text_of;
 
-struct folder {
-    folder() {
-        // Tests that run at once may all be process 2 of a namespace of their own.
-        auto name = (std::filesystem::temp_directory_path() / "ise-radio-keys-XXXXXX").string();
-        REQUIRE(::mkdtemp(name.data()));
-        path = name;
-    }
-    ~folder() { std::filesystem::remove_all(path); }
-    folder(const folder&) = delete;
-    folder& operator=(const folder&) = delete;
-    std::string file(const std::string& name) const { return (path / name).string(); }
-    std::filesystem::path path;
-};
-
-std::string text_of(const std::string& file) {
-    std::ifstream in(file, std::ios::binary);
-    return std::string(std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>());
-}
 unsigned mode_of(const std::string& file) {
     struct stat found {};
     REQUIRE(::stat(file.c_str(), &found) == 0);

@@ -1,4 +1,5 @@
 // Commands that provide: pub, mock; and what works without headers at both ends: run, echo of many, types --cpp.
+#include "folder.hpp"
 #include "port.hpp"
 
 #include <ise/component/component.hpp>
@@ -14,9 +15,6 @@
 #include <csignal>
 #include <cstdint>
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <stdexcept>
 #include <string>
 #include <test_folders.hpp>
 #include <thread>
@@ -24,6 +22,7 @@
 #include <vector>
 
 using Catch::Contains;
+using cli_test::folder;
 using cli_test::harbour;
 using cli_test::port;
 using ise_test::program;
@@ -62,20 +61,6 @@ private:
         });
         co_await sleep(std::chrono::hours(1));
     }
-};
-
-struct folder {
-    folder() {
-        std::string name = std::filesystem::temp_directory_path() / "ise_stand_in_XXXXXX";
-        if (!mkdtemp(name.data())) throw std::runtime_error("no folder");
-        path = name;
-    }
-    ~folder() { std::filesystem::remove_all(path); }
-    std::string write(const std::string& name, const std::string& text) const {
-        std::ofstream(path / name) << text;
-        return path / name;
-    }
-    std::filesystem::path path;
 };
 
 std::vector<std::string> with_names(const port& in, std::vector<std::string> arguments) {
@@ -118,6 +103,15 @@ TEST_CASE("mock stands in for a component, whose types it knows from another one
         CHECK_THAT(in.ise({"echo", "atirma/twin", "position", "-n", "1"}).out, Contains(R"("latitude_deg":1.5)"));
         CHECK_THAT(mock.read_line(), Contains(R"("request":{"mode":"fly"},"outcome":"refused"})"));
     }
+    SECTION("by rules on the command line, as the help shows") {
+        program mock(
+            with_names(in, {"mock", "atirma/twin", "helm",
+                            R"([{"request":{"mode":"fly"},"refuse":"boats sail"},{"response":{"accepted":true}}])"}));
+        CHECK_THAT(mock.read_error_line(), Contains("listens at "));
+        CHECK_THAT(in.ise({"call", "atirma/twin", "helm", R"({"mode":"fly"})"}).err, Contains("boats sail"));
+        CHECK(in.ise({"call", "atirma/twin", "helm", "{}"}).out == R"({"accepted":true,"reason":""})"
+                                                                   "\n");
+    }
     SECTION("from a file that was kept, without a name server") {
         folder files;
         auto result = in.ise({"type", "show", "atirma/boat", "helm", "--json"});
@@ -137,7 +131,8 @@ TEST_CASE("mock stands in for a component, whose types it knows from another one
         auto unfit = in.ise({"mock", "atirma/twin", "helm", R"({"acepted":true})"});
         CHECK(unfit.exit_code == 4);
         CHECK_THAT(unfit.err, Contains("acepted"));
-        CHECK(in.ise({"mock", "atirma/twin", "helm", R"([{"refuse":1}])"}).exit_code == 4); // rules come from a file
+        CHECK_THAT(in.ise({"mock", "atirma/twin", "helm", R"([{"refuse":1}])"}).err,
+                   Contains("rule 1 of 'helm': 'refuse' is no text"));
         CHECK(in.ise({"pub", "atirma/twin", "helm", "{}"}).exit_code == 2);
         CHECK(in.ise({"pub", "not a path", "position", "{}"}).exit_code == 2);
     }

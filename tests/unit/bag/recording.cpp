@@ -223,7 +223,8 @@ TEST_CASE("the runs of actions are recorded, and a replay leaves them out", "[ba
     again.start("theatre", "player", [&](node& in) {
         bag::player_options how;
         how.file = tmp.file("a.mcap");
-        CHECK_NOTHROW(std::make_shared<bag::player>(in, how));
+        auto play = std::make_shared<bag::player>(in, how);
+        CHECK(play->paths() == std::vector<std::string>{"atirma/boat"}); // not the mast, which has runs only
     });
 }
 
@@ -290,6 +291,54 @@ TEST_CASE("a ring is written with what came before its trigger", "[bag]") {
     CHECK(counts.size() >= 13);
     CHECK(counts.size() <= 17);
     CHECK(got.all["atirma/boat/twice"].size() == 3);
+    REQUIRE(got.about.metadata.size() == 2);
+    auto why = bag::read_metadata(*got.file, got.about.metadata[1]).value();
+    CHECK(why.name == "ise.trigger");
+    REQUIRE(why.metadata.size() == 1); // by its time
+    CHECK(why.metadata.begin()->second == "atirma/boat/twice");
+}
+
+TEST_CASE("files are attached when a recording begins, and again when it ends if they have changed", "[bag]") {
+    folder tmp;
+    std::ofstream(tmp.file("sea.toml")) << "[components.boat]";
+    std::ofstream(tmp.file("boat.log")) << "left the quay";
+    auto options = recording_to(tmp.file("a.mcap"));
+    options.files.attached = {tmp.file("sea.toml"), tmp.file("boat.log")};
+    voyage sea(options);
+    sea.in.world.run_for(2s);
+    std::ofstream(tmp.file("boat.log"), std::ios::app) << ", sails";
+    sea.sail();
+    read_back got(tmp.file("a.mcap"));
+    std::vector<std::string> seen;
+    for (const auto& where : got.about.attachments) {
+        auto one = bag::read_attachment(*got.file, where).value();
+        seen.push_back(one.name + " (" + one.media_type + "): " + std::string(as_text(one.data)));
+    }
+    CHECK(seen == std::vector<std::string>{"sea.toml (application/toml): [components.boat]",
+                                           "boat.log (text/plain): left the quay",
+                                           "boat.log (text/plain): left the quay, sails"});
+}
+
+TEST_CASE("a file that cannot be attached ends a recording at its beginning, and later is told in it", "[bag]") {
+    folder tmp;
+    bag::recording_options options;
+    options.file = tmp.file("a.mcap");
+    options.attached = {tmp.file("boat.log")};
+    bag::recording_file file(options);
+    auto begun = file.begin(1);
+    REQUIRE_FALSE(begun);
+    CHECK(begun.error().message().find(tmp.file("boat.log")) != std::string::npos);
+    CHECK_FALSE(std::filesystem::exists(options.file));
+    file.note("ise.trigger", {{"now", "a test"}}, 1).value(); // begins a file all the same, as a ring does
+    file.close().value();
+    read_back got(options.file);
+    std::map<std::string, bag::string_map> seen;
+    for (const auto& where : got.about.metadata) {
+        auto one = bag::read_metadata(*got.file, where).value();
+        seen[one.name].merge(one.metadata);
+    }
+    CHECK(seen["ise.trigger"]["now"] == "a test");
+    CHECK(seen["ise.not_attached"].contains(tmp.file("boat.log")));
 }
 
 TEST_CASE("a recording is played: its packets at their times, its calls as they were answered", "[bag]") {

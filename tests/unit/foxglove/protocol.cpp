@@ -173,6 +173,29 @@ TEST_CASE("a viewer that takes nothing keeps the newest message of each channel"
     CHECK(who.subscribe(1, 10)); // both are free again
 }
 
+TEST_CASE("of a channel of events a viewer keeps each message, up to a limit") {
+    viewer_limits limits;
+    limits.max_events = 20;
+    viewer who(limits, [] {});
+    auto& events = *who.subscribe(1, 10, channel_kind::events).value();
+    auto& state = *who.subscribe(2, 20, channel_kind::state).value();
+    auto seen = [&](int messages) {
+        for (int i = 0; i < messages; ++i) {
+            who.offer(events, message(std::to_string(i)));
+            who.offer(state, message("s" + std::to_string(i)));
+        }
+        std::string out, of_events, of_state;
+        who.fill(out);
+        for (const auto& one : frames(out)) (one.payload[1] == 1 ? of_events : of_state) += text_in(one) + " ";
+        CHECK(of_state == "s" + std::to_string(messages - 1) + " ");
+        return of_events;
+    };
+    CHECK(seen(5) == "0 1 2 3 4 ");
+    CHECK(who.skipped() == 4); // of state
+    CHECK(seen(23) == "3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 ");
+    CHECK(who.skipped() == 4 + 22 + 3);
+}
+
 TEST_CASE("the memory of a viewer that takes nothing is bounded") {
     viewer_limits limits;
     limits.depth = 100;

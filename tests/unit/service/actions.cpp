@@ -51,6 +51,7 @@ namespace {
 // What became of each goal at the provider.
 struct logbook {
     std::map<std::string, int> begun, arrived, cancelled;
+    std::map<std::string, ise::time_point> arrived_at;
     int sailing = 0, most = 0;
 };
 
@@ -81,29 +82,32 @@ ise::task<arrival> sail(party& boat, std::shared_ptr<logbook> log, waypoint to, 
     if (to.name == "shoals") throw ise::error(errc::refused, "too shallow");
     if (to.name == "edge") throw std::runtime_error("fell off");
     ++log->arrived[to.name];
+    log->arrived_at[to.name] = boat.on.now();
     arrival made{to.name, to.legs};
     co_return made;
 }
 
 struct sea {
+    std::shared_ptr<logbook> log = std::make_shared<logbook>();
+    std::string where, listens;
+    ise::duration leg_time; // of runs that begin from now on
     sim_parties all;
     party& boat;
     party& shore;
-    std::shared_ptr<logbook> log = std::make_shared<logbook>();
     ise::remote there;
-    std::string where;
 
-    auto sailing(party& by, ise::duration leg_time) const {
-        return [&by, log = log, leg_time](waypoint to, ise::progress<leg_sailed> progress) {
+    auto sailing(party& by) {
+        return [this, &by](waypoint to, ise::progress<leg_sailed> progress) {
             return sail(by, log, std::move(to), std::move(progress), leg_time);
         };
     }
 
     explicit sea(ise::action_options options = ise::action_options(), std::uint64_t seed = 1,
-                 const std::string& scheme = "tcp", ise::duration leg_time = 1s)
-        : all(seed), boat(all.add("boat", quick())), shore(all.add("shore", quick())), where(scheme + "://boat:7400") {
-        add_action(boat, sailing(boat, leg_time), options);
-        boat.listen(scheme + "://0.0.0.0:7400");
+                 const std::string& scheme = "tcp", ise::duration of_a_leg = 1s)
+        : where(scheme + "://boat:7400"), listens(scheme + "://0.0.0.0:7400"), leg_time(of_a_leg), all(seed),
+          boat(all.add("boat", quick())), shore(all.add("shore", quick())) {
+        add_action(boat, sailing(boat), options);
+        boat.listen(listens);
         there = shore.at(where);
     }
     static ise::service_options quick() {
@@ -125,6 +129,7 @@ struct report_of {
     std::optional<ise::failure> not_started;
     std::uint32_t before = 0;
     bool started = false, mixed_up = false;
+    ise::time_point accepted_at{};
 };
 using shared_report = std::shared_ptr<report_of>;
 
@@ -409,15 +414,35 @@ void in_foul_weather(sea& at, std::mt19937_64& dice) {
 
 const char* scheme_of(std::uint64_t seed) { return seed % 3 == 0 ? "udp" : "tcp"; }
 
+/// Tells a story with each seed from 1 on, on a sea of its own in foul weather.
+template <class Story>
+void with_seeds(std::uint64_t seeds, ise::duration leg_time, Story tell,
+                ise::action_options options = ise::action_options()) {
+    for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
+        INFO("seed " << seed);
+        std::mt19937_64 dice(seed);
+        sea at(options, seed, scheme_of(seed), leg_time);
+        in_foul_weather(at, dice);
+        tell(at, dice);
+    }
+}
+
+/// Runs a requester's coroutine to its end; the run that it reported of arrived.
+template <class Requester>
+report_of arrived_of(sea& at, Requester requester) {
+    auto seen = std::make_shared<report_of>();
+    auto running = start(at.shore.on, requester(seen));
+    REQUIRE(at.all.run_until([&] { return running->done; }));
+    REQUIRE(seen->outcome);
+    CHECK(*seen->outcome);
+    return *seen;
+}
+
 } // namespace
 
 TEST_CASE("story: a goal is never lost and never executed twice, wherever the connection breaks while it is given") {
     int came_through = 0;
-    for (std::uint64_t seed = 1; seed <= 60; ++seed) {
-        INFO("seed " << seed);
-        std::mt19937_64 dice(seed);
-        sea at(ise::action_options(), seed, scheme_of(seed), 10ms);
-        in_foul_weather(at, dice);
+    with_seeds(60, 10ms, [&](sea& at, std::mt19937_64& dice) {
         for (int i = 0; i < 3; ++i) cut_somewhere(at, dice);
         auto asked = ask(at, "bay");
         REQUIRE(at.all.run_until([&] { return asked.done(); }));
@@ -430,17 +455,14 @@ TEST_CASE("story: a goal is never lost and never executed twice, wherever the co
             REQUIRE(asked.report->not_started);
             if (asked.report->not_started->executed() == execution::not_executed) CHECK(at.log->begun["bay"] == 0);
         }
-    }
+    });
     CHECK(came_through == 60); // within a minute the connection came back
 }
 
 TEST_CASE("story: a result arrives, or it is said within the linger that it does not, whatever becomes of the way") {
     int results = 0, unknown = 0;
-    for (std::uint64_t seed = 1; seed <= 60; ++seed) {
-        INFO("seed " << seed);
-        std::mt19937_64 dice(seed);
-        sea at(ise::action_options(), seed, scheme_of(seed), std::chrono::milliseconds(100 + dice() % 900));
-        in_foul_weather(at, dice);
+    with_seeds(60, 1s, [&](sea& at, std::mt19937_64& dice) {
+        at.leg_time = std::chrono::milliseconds(100 + dice() % 900);
         auto asked = ask(at, "bay", 5);
         REQUIRE(at.all.run_until([&] { return asked.report->started; }));
         // Faults of all kinds, now and then, around its end.
@@ -451,7 +473,7 @@ TEST_CASE("story: a result arrives, or it is said within the linger that it does
                 case 1: cut_somewhere(at, dice); break;
                 default: {
                     at.all.world.net().partition("boat", "shore");
-                    at.all.world.run_for(std::chrono::milliseconds(dice() % (seed % 5 == 0 ? 40'000 : 8'000)));
+                    at.all.world.run_for(std::chrono::milliseconds(dice() % (dice() % 5 == 0 ? 40'000 : 8'000)));
                     at.all.world.net().heal_all();
                 }
             }
@@ -471,16 +493,13 @@ TEST_CASE("story: a result arrives, or it is said within the linger that it does
         }
         CHECK(std::ranges::is_sorted(asked.report->legs));
         REQUIRE(at.all.run_until([&] { return at.log->sailing == 0; })); // and nobody sails on alone
-    }
+    });
     CHECK(results > 40);
     CHECK(unknown > 0);
 }
 
 TEST_CASE("story: a provider that is restarted does not begin the goal again, and its requester is told") {
-    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-        INFO("seed " << seed);
-        std::mt19937_64 dice(seed);
-        sea at(ise::action_options(), seed, scheme_of(seed), 200ms);
+    with_seeds(20, 200ms, [](sea& at, std::mt19937_64& dice) {
         auto asked = ask(at, "far", 1000);
         REQUIRE(at.all.run_until([&] { return asked.report->started; }));
         at.all.world.run_for(std::chrono::milliseconds(dice() % 2000));
@@ -491,11 +510,11 @@ TEST_CASE("story: a provider that is restarted does not begin the goal again, an
         REQUIRE(at.all.run_until([&] { return at.boat.scope.size() == 0; }));
         CHECK(at.log->cancelled["far"] == 1);
         auto& next = at.all.add("boat", sea::quick());
-        add_action(next, at.sailing(next, 200ms));
+        add_action(next, at.sailing(next));
         bool listens = false;
         while (!listens) {
             try {
-                next.listen(std::string(scheme_of(seed)) + "://0.0.0.0:7400");
+                next.listen(at.listens);
                 listens = true;
             } catch (const ise::error&) {
                 at.all.world.run_for(100ms);
@@ -509,19 +528,15 @@ TEST_CASE("story: a provider that is restarted does not begin the goal again, an
         REQUIRE(at.all.run_until([&] { return again.done(); }));
         REQUIRE(again.report->outcome);
         CHECK(*again.report->outcome);
-    }
+    });
 }
 
 TEST_CASE(
     "story: a cancellation is never ignored, when it comes before the answer, in an outage, or to a deaf handler") {
-    for (std::uint64_t seed = 1; seed <= 40; ++seed) {
-        INFO("seed " << seed);
-        std::mt19937_64 dice(seed);
-        sea at(ise::action_options(), seed, scheme_of(seed), 50ms);
-        in_foul_weather(at, dice);
+    with_seeds(40, 50ms, [&](sea& at, std::mt19937_64& dice) {
         auto asked = ask(at, "far", 100'000);
         at.all.world.run_for(std::chrono::milliseconds(dice() % 100)); // the goal may be on its way
-        if (seed % 2) at.all.world.net().partition("boat", "shore");
+        if (dice() % 2) at.all.world.net().partition("boat", "shore");
         at.all.world.run_for(std::chrono::milliseconds(dice() % 3000));
         asked.running->cancel.emit(asio::cancellation_type::terminal);
         at.all.world.run_for(std::chrono::milliseconds(dice() % 3000));
@@ -531,7 +546,7 @@ TEST_CASE(
         CHECK(at.log->sailing == 0);
         CHECK(at.log->begun["far"] == at.log->cancelled["far"]);
         CHECK(at.log->begun["far"] <= 1);
-    }
+    });
     sim_parties all;
     auto& boat = all.add("boat");
     auto& shore = all.add("shore");
@@ -548,11 +563,7 @@ TEST_CASE(
 
 // rclcpp#2265: feedback was delivered behind a cancellation, to objects that were gone.
 TEST_CASE("story: nothing is called behind the end of a requester, whenever it goes") {
-    for (std::uint64_t seed = 1; seed <= 40; ++seed) {
-        INFO("seed " << seed);
-        std::mt19937_64 dice(seed);
-        sea at(ise::action_options(), seed, scheme_of(seed), 5ms);
-        in_foul_weather(at, dice);
+    with_seeds(40, 5ms, [&](sea& at, std::mt19937_64& dice) {
         std::vector<requested> all;
         for (int i = 0; i < 5; ++i) all.push_back(ask(at, fmt::format("{}", i), 20));
         at.all.world.run_for(std::chrono::milliseconds(dice() % 400));
@@ -568,15 +579,11 @@ TEST_CASE("story: nothing is called behind the end of a requester, whenever it g
         CHECK(at.log->sailing == 0);
         CHECK(at.boat.services->services().find_publication("sail_to")->subscribers() == 0);
         CHECK(at.boat.escaped.empty());
-    }
+    });
 }
 
 TEST_CASE("story: requesters of one action are never mixed up") {
-    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-        INFO("seed " << seed);
-        std::mt19937_64 dice(seed);
-        sea at(ise::action_options(), seed, scheme_of(seed), 20ms);
-        in_foul_weather(at, dice);
+    with_seeds(20, 20ms, [&](sea& at, std::mt19937_64& dice) {
         auto& other = at.all.add("other", sea::quick());
         std::vector<requested> all;
         for (int i = 0; i < 10; ++i) {
@@ -603,7 +610,7 @@ TEST_CASE("story: requesters of one action are never mixed up") {
         CHECK(results >= 10);
         CHECK(at.log->most <= 16);
         for (const auto& [name, count] : at.log->begun) CHECK(count == 1);
-    }
+    });
 }
 
 namespace {
@@ -626,7 +633,7 @@ ise::task<> one_after_the_other(ise::remote boat, int goals, std::mt19937_64 dic
 // Takes a report now and then.
 ise::task<> read_slowly(party& by, ise::remote boat, waypoint to, shared_report into) {
     auto run = co_await boat.start(sail_to, to);
-    into->started = true;
+    into->accepted_at = by.on.now();
     for (;;) {
         auto leg = co_await run.next();
         if (!leg) break;
@@ -666,77 +673,51 @@ ise::task<> use_in_report(ise::remote boat, shared_report into) {
 // rclcpp#1757: the result of an action that was quick was never delivered. icey#15: goals in a chain blocked each
 // other, and what came before the result was asked for was lost.
 TEST_CASE("story: an outcome that comes at once is not lost, and the next goal may begin where it is handled") {
-    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-        INFO("seed " << seed);
-        std::mt19937_64 dice(seed);
-        sea at(ise::action_options::exclusive(), seed, scheme_of(seed), 1ms);
-        in_foul_weather(at, dice);
+    auto story = [](sea& at, std::mt19937_64& dice) {
         auto arrived = std::make_shared<int>(0);
         auto running = start(at.shore.on, one_after_the_other(at.there, 50, dice, arrived));
         REQUIRE(at.all.run_until([&] { return running->done; }));
         CHECK(*arrived == 50);
         CHECK(at.log->most == 1);
         for (const auto& [name, count] : at.log->begun) CHECK(count == 1);
-    }
+    };
+    with_seeds(20, 1ms, story, ise::action_options::exclusive());
 }
 
 // rclcpp#2451: feedback that came faster than the client took it kept the acceptance and the result from being seen.
 TEST_CASE("story: reports that come faster than they are taken hold up neither the acceptance nor the outcome") {
-    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-        INFO("seed " << seed);
-        std::mt19937_64 dice(seed);
-        sea at(ise::action_options(), seed, scheme_of(seed), 1ms);
-        in_foul_weather(at, dice);
-        auto seen = std::make_shared<report_of>();
-        waypoint to{"bay", 3000};
-        auto running = start(at.shore.on, read_slowly(at.shore, at.there, to, seen));
-        REQUIRE(at.all.run_until([&] { return at.log->arrived["bay"] == 1; }));
-        CHECK(seen->started);
-        const auto arrived = at.shore.on.now();
-        REQUIRE(at.all.run_until([&] { return running->done; }));
-        CHECK(at.shore.on.now() - arrived < 3s); // the reports that waited, and those of a way with losses
-        REQUIRE(seen->outcome);
-        CHECK(*seen->outcome);
-        CHECK(std::ranges::is_sorted(seen->legs));
-        REQUIRE_FALSE(seen->legs.empty());
-        CHECK(seen->legs.back() > 2900); // the newest were kept
-    }
+    with_seeds(20, 1ms, [&](sea& at, std::mt19937_64&) {
+        auto seen = arrived_of(at, [&](shared_report into) {
+            return read_slowly(at.shore, at.there, waypoint{"bay", 3000}, into);
+        });
+        CHECK(seen.accepted_at < at.log->arrived_at["bay"]);
+        // After the reports that waited, and those of a way with losses.
+        CHECK(at.shore.on.now() - at.log->arrived_at["bay"] < 3s);
+        CHECK(std::ranges::is_sorted(seen.legs));
+        REQUIRE_FALSE(seen.legs.empty());
+        CHECK(seen.legs.back() > 2900); // the newest were kept
+    });
 }
 
 // rclcpp#2130: asking for the result while it was received blocked the client.
 TEST_CASE("story: the result may be asked for in the moment in which it comes") {
-    for (std::uint64_t seed = 1; seed <= 100; ++seed) {
-        INFO("seed " << seed);
-        std::mt19937_64 dice(seed);
-        sea at(ise::action_options(), seed, scheme_of(seed), 20ms);
-        in_foul_weather(at, dice);
-        auto seen = std::make_shared<report_of>();
-        waypoint to{"bay", 3};
+    with_seeds(100, 20ms, [&](sea& at, std::mt19937_64& dice) {
         const auto after = std::chrono::microseconds(dice() % 120'000);
-        auto running = start(at.shore.on, ask_for_result(at.shore, at.there, to, after, seen));
-        REQUIRE(at.all.run_until([&] { return running->done; }));
-        REQUIRE(seen->outcome);
-        CHECK(*seen->outcome);
-    }
+        arrived_of(at, [&](shared_report into) {
+            return ask_for_result(at.shore, at.there, waypoint{"bay", 3}, after, into);
+        });
+    });
 }
 
 // rclcpp#2243: using the goal's handle in the feedback callback blocked the client.
 TEST_CASE("story: a run can be used, cancelled and followed by another where its report is handled") {
-    for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-        INFO("seed " << seed);
-        std::mt19937_64 dice(seed);
-        sea at(ise::action_options(), seed, scheme_of(seed), 1ms);
-        in_foul_weather(at, dice);
-        auto seen = std::make_shared<report_of>();
-        auto running = start(at.shore.on, use_in_report(at.there, seen));
-        REQUIRE(at.all.run_until([&] { return running->done; }));
-        CHECK(seen->started); // as cancelled
-        CHECK(seen->legs.empty());
-        REQUIRE(seen->outcome);
-        CHECK(*seen->outcome);
+    with_seeds(20, 1ms, [&](sea& at, std::mt19937_64&) {
+        auto seen = arrived_of(at, [&](shared_report into) { return use_in_report(at.there, into); });
+        CHECK(seen.started); // as cancelled
+        CHECK(seen.legs.empty());
         REQUIRE(at.all.run_until([&] { return at.log->sailing == 0; }));
         CHECK(at.log->cancelled["far"] == 1);
-    }
+    });
 }
 
 } // namespace actions_test
