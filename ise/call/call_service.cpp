@@ -23,24 +23,14 @@ void call_worker::note_waiting(const call_origin& from) {
 
 // Those that came with it in the same turn may have taken long.
 bool call_worker::may_begin() {
-    if (wanted_) {
-        if (!service_.is_late(call_)) {
-            if (detail::present_trace) *detail::present_trace = {call_.trace, true};
-            return true;
-        }
-        service_.refuse_late(*call_.from, call_);
+    if (!wanted_) return false;
+    if (service_.is_late(context_.deadline)) {
+        wanted_ = false;
+        service_.refuse_late(*from_, context_.id);
+        return false;
     }
-    finish();
-    call_.from.reset();
-    return false;
-}
-
-// Whether somebody waits for the answer.
-bool call_worker::finish() {
-    deadline_.disarm();
-    if (began_ != time_point::max()) service_.meter_.handled(runtime_.env().now() - began_);
-    busy_ = false;
-    return std::exchange(wanted_, false);
+    if (detail::present_trace) *detail::present_trace = {context_.trace, true};
+    return true;
 }
 
 // The caller has been told, and so is the handler; its own outcome comes too late.
@@ -48,8 +38,8 @@ void call_worker::expire() {
     if (!std::exchange(wanted_, false)) return;
     auto cycle = suspected_cycle(context_);
     auto text = fmt::format("'{}' did not finish before its deadline{}", service_.name(), cycle);
-    if (!cycle.empty()) runtime_.tell(peer_trouble::handler, text, call_.from->caller_name());
-    call_.from->refuse(call_.id, failure(errc::timed_out, std::move(text), execution::unknown));
+    if (!cycle.empty()) runtime_.tell(peer_trouble::handler, text, from_->caller_name());
+    from_->refuse(context_.id, failure(errc::timed_out, std::move(text), execution::unknown));
     give_up();
 }
 
@@ -58,14 +48,12 @@ void call_worker::give_up() {
 }
 
 void call_worker::answer(outgoing_packet response) {
-    if (finish()) call_.from->reply(call_.id, response);
-    call_.from.reset();
+    if (std::exchange(wanted_, false)) from_->reply(context_.id, response);
 }
 
 void call_worker::answer(const failure& why) {
-    service_.tell_failure(*call_.from, why);
-    if (finish()) call_.from->refuse(call_.id, why);
-    call_.from.reset();
+    service_.tell_failure(*from_, why);
+    if (std::exchange(wanted_, false)) from_->refuse(context_.id, why);
 }
 
 call_service::call_service(service_runtime& runtime, std::string name, const packet_types& types, serve_options options)
@@ -81,12 +69,12 @@ call_service::~call_service() = default;
 
 std::size_t call_service::waiting() const noexcept { return waiting_->size(); }
 
-void call_service::serve(call_origin& from, incoming_call& call, incoming_packet& request) {
+void call_service::serve(call_origin& from, const incoming_call& call, incoming_packet& request) {
     if (stopped_) {
         from.refuse(call.id, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
         return;
     }
-    if (at_once_ && is_late(call)) return refuse_late(from, call); // a worker looks when it begins
+    if (at_once_ && is_late(call.deadline)) return refuse_late(from, call.id); // a worker looks when it begins
     request.adapt = call.adapt;
     const bool measured = meter_.samples(runtime_.on().now());
     auto began = measured ? runtime_.env().now() : time_point::max();
@@ -98,8 +86,7 @@ void call_service::serve(call_origin& from, incoming_call& call, incoming_packet
             if (measured) meter_.handled(runtime_.env().now() - began);
             return;
         }
-        call.from = from.held();
-        if (may_begin(from) && begin(call, request, began)) {
+        if (may_begin(from) && begin(from, call, request, began)) {
             meter_.begins();
             return;
         }
@@ -113,10 +100,10 @@ void call_service::serve(call_origin& from, incoming_call& call, incoming_packet
     // A new worker takes the request from the queue as soon as its coroutine has come up.
     bool more_workers = workers_.size() < options_.concurrent && may_begin(from);
     if (options_.concurrent == 1 && !workers_.empty()) workers_.front()->note_waiting(from);
-    waiting_->push(waiting_call{std::move(call), request.keep(), measured ? began : runtime_.env().now()});
+    waiting_->push({held<call_origin>(from), call, request.keep(), measured ? began : runtime_.env().now()});
     while (auto beyond = waiting_->overflow(options_.waiting, options_.waiting_bytes))
         refuse_overloaded(
-            *beyond->call.from, beyond->call,
+            *beyond,
             failure(errc::overloaded, fmt::format("'{}' has {} requests of {} bytes waiting (waiting, waiting_bytes)",
                                                   name_, waiting_->size(), waiting_->bytes_held())));
     if (more_workers) add_worker();
@@ -124,7 +111,7 @@ void call_service::serve(call_origin& from, incoming_call& call, incoming_packet
 
 bool call_service::runs(const call_origin& from, std::uint64_t id) const noexcept {
     return std::ranges::any_of(workers_, [&](const auto& worker) {
-        return worker->wanted_ && worker->call_.id == id && worker->call_.from.get() == &from;
+        return worker->wanted_ && worker->context_.id == id && worker->from_.get() == &from;
     });
 }
 
@@ -134,38 +121,37 @@ void call_service::tell_failure(const call_origin& from, const failure& why) {
                       from.caller_name());
 }
 
-bool call_service::is_late(const incoming_call& call) const { return call.deadline <= runtime_.on().fresh_now(); }
+bool call_service::is_late(time_point deadline) const { return deadline <= runtime_.on().fresh_now(); }
 
-void call_service::refuse_late(call_origin& to, const incoming_call& call) {
+void call_service::refuse_late(call_origin& to, std::uint64_t id) {
     meter_.refused_expired();
     runtime_.counts().refused(errc::timed_out);
-    to.refuse(call.id, failure(errc::timed_out, fmt::format("'{}' was too busy to begin in time", name_)));
+    to.refuse(id, failure(errc::timed_out, fmt::format("'{}' was too busy to begin in time", name_)));
 }
 
-void call_service::refuse_overloaded(call_origin& to, const incoming_call& call, const failure& why) {
+void call_service::refuse_overloaded(const waiting_call& one, const failure& why) {
     meter_.refused_overloaded();
     runtime_.counts().refused(why.code());
-    to.refuse(call.id, why);
+    one.from->refuse(one.call.id, why);
 }
 
 bool call_service::may_begin(const call_origin& from) const {
     auto most = options_.concurrent < 4 ? options_.concurrent : options_.concurrent - options_.concurrent / 4;
     if (running() < most) return true;
-    auto theirs =
-        std::ranges::count_if(workers_, [&](const auto& worker) { return worker->call_.from.get() == &from; });
+    auto theirs = std::ranges::count_if(workers_, [&](const auto& worker) { return worker->from_.get() == &from; });
     return static_cast<std::size_t>(theirs) < most;
 }
 
-bool call_service::begin(incoming_call& call, incoming_packet& request, time_point began) {
+bool call_service::begin(call_origin& from, const incoming_call& call, incoming_packet& request, time_point began) {
     if (idle_.empty()) return false;
     auto& worker = *idle_.back();
     worker.load(request);
     idle_.pop_back();
-    worker.call_ = std::move(call);
+    worker.from_ = held<call_origin>(from);
     worker.began_ = began;
     worker.busy_ = worker.wanted_ = true;
-    worker.context_ = context_of_call(*worker.call_.from, worker.call_);
-    worker.deadline_.arm(worker.call_.deadline);
+    worker.context_ = context_of_call(from, call);
+    worker.deadline_.arm(call.deadline);
     worker.wake_.resume(true);
     return true;
 }
@@ -183,7 +169,7 @@ void call_service::add_worker() {
                 if (!of.runtime_.on().abandoned()) return;
                 auto calls = of.waiting_->take_all();
                 who.wanted_ = false;
-                auto call = std::exchange(who.call_, {});
+                who.from_.reset();
             }
         } guard{*keep, who};
         co_await who.run();
@@ -194,11 +180,14 @@ void call_service::add_worker() {
     if (worker.coroutine_) return;
     workers_.pop_back();
     for (auto& entry : waiting_->take_all())
-        entry.call.from->refuse(entry.call.id, failure(errc::cancelled, "the component stops"));
+        entry.from->refuse(entry.call.id, failure(errc::cancelled, "the component stops"));
 }
 
 void call_worker::be_idle() {
     auto& of = service_;
+    deadline_.disarm();
+    if (began_ != time_point::max()) of.meter_.handled(runtime_.env().now() - std::exchange(began_, time_point::max()));
+    from_.reset();
     busy_ = false;
     if (of.stopped_ || runtime_.scope().stopping()) {
         wake_.resume(false);
@@ -210,18 +199,18 @@ void call_worker::be_idle() {
         if (!found) return;
         auto& next = *found;
         auto now = runtime_.env().now(); // the turn may have lasted
-        if (of.is_late(next.call)) {
-            of.refuse_late(*next.call.from, next.call);
+        if (of.is_late(next.call.deadline)) {
+            of.refuse_late(*next.from, next.call.id);
             continue;
         }
         try {
             incoming_packet request(next.request);
             request.adapt = next.call.adapt;
-            of.begin(next.call, request, now);
+            of.begin(*next.from, next.call, request, now);
             of.meter_.begins(now - next.since);
             return;
         } catch (const error& thrown) {
-            next.call.from->refuse(next.call.id, thrown.why());
+            next.from->refuse(next.call.id, thrown.why());
         }
     }
 }
@@ -230,7 +219,7 @@ void call_worker::be_idle() {
 void call_service::withdraw(const call_origin& from, std::uint64_t id) {
     waiting_->withdraw(from, id);
     for (auto& worker : workers_) {
-        if (!worker->wanted_ || worker->call_.from.get() != &from || worker->call_.id != id) continue;
+        if (!worker->wanted_ || worker->from_.get() != &from || worker->context_.id != id) continue;
         worker->wanted_ = false;
         worker->deadline_.disarm();
         worker->give_up();
@@ -241,15 +230,15 @@ void call_service::withdraw(const call_origin& from, std::uint64_t id) {
 void call_service::stop() {
     stopped_ = true;
     for (auto& entry : waiting_->take_all())
-        entry.call.from->refuse(entry.call.id,
-                                failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
+        entry.from->refuse(entry.call.id,
+                           failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
     for (auto* worker : std::exchange(idle_, {})) worker->wake_.resume(false);
     // Those who wait for a handler that runs are told now, before the sessions say goodbye.
     for (auto& worker : workers_) {
         worker->deadline_.disarm();
         if (std::exchange(worker->wanted_, false))
-            worker->call_.from->refuse(
-                worker->call_.id,
+            worker->from_->refuse(
+                worker->context_.id,
                 failure(errc::cancelled, fmt::format("'{}' was stopped while it ran", name_), execution::unknown));
         worker->give_up();
     }

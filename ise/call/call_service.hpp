@@ -17,6 +17,7 @@ namespace ise {
 class service_runtime;
 class call_service;
 class waiting_calls;
+struct waiting_call;
 
 /// One coroutine that answers requests of one service, one after the other, and is kept for the next: starting a
 /// coroutine for each call costs more than the call.
@@ -59,7 +60,6 @@ protected:
 private:
     void be_idle();
     void note_waiting(const call_origin& from);
-    bool finish();
     void expire();
 
     call_service& service_;
@@ -67,7 +67,7 @@ private:
     waiter<bool> wake_;
     async_stack* coroutine_ = nullptr;
     timer deadline_;
-    incoming_call call_;                   // context_ borrows the name of who called
+    held<call_origin> from_;               // context_ borrows the name of who called
     bool wanted_ = false;                  // somebody waits for the answer
     time_point began_ = time_point::max(); // max: it is not measured
     call_context context_;
@@ -96,7 +96,7 @@ public:
     const std::string& name() const noexcept { return name_; }
     const packet_types& types() const noexcept { return types_; }
 
-    void serve(call_origin& from, incoming_call& call, incoming_packet& request);
+    void serve(call_origin& from, const incoming_call& call, incoming_packet& request);
     /// Requests of a session that ended, or that the caller gave up.
     void withdraw(const call_origin& from, std::uint64_t id);
     void stop();
@@ -118,10 +118,11 @@ protected:
 
 private:
     friend class call_worker;
-    bool begin(incoming_call& call, incoming_packet& request, time_point began); // false: no worker is idle
-    void refuse_overloaded(call_origin& to, const incoming_call& call, const failure& why);
-    bool is_late(const incoming_call& call) const;
-    void refuse_late(call_origin& to, const incoming_call& call);
+    bool begin(call_origin& from, const incoming_call& call, incoming_packet& request,
+               time_point began); // false: no worker is idle
+    void refuse_overloaded(const waiting_call& one, const failure& why);
+    bool is_late(time_point deadline) const;
+    void refuse_late(call_origin& to, std::uint64_t id);
     void add_worker();
 
     // One session never has every handler, where there are several: the others' calls go on.

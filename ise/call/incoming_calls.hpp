@@ -20,7 +20,8 @@ namespace ise {
 class incoming_calls final : public call_origin {
 public:
     incoming_calls(conversation& over, const call_directory& services, reply_windows& answered)
-        : over_(over), services_(services), answered_(answered), held_{over.runtime().options().held_bytes()} {}
+        : call_origin(over.peer_name(), over.verified()), over_(over), services_(services),
+          answered_(answered), held_{over.runtime().options().held_bytes()} {}
 
     result<void> on_introduce(const net::carried_frame& received);
     result<void> on_request(const net::carried_frame& received);
@@ -32,10 +33,7 @@ public:
     /// Answers a request.
     void reply(std::uint64_t id, outgoing_packet response) override;
     void refuse(std::uint64_t id, const failure& why) override;
-    const std::string& caller() const noexcept override { return over_.peer_name(); }
     std::string caller_name() const override { return over_.caller_name(); }
-    const verified_peer& verified() const noexcept override { return over_.verified(); }
-    std::shared_ptr<call_origin> held() override { return {over_.shared_from_this(), this}; }
     /// Sends an answer that was made before, or for another session: a whole frame, whose id is replaced.
     void send_answer(std::uint64_t id, bytes_view frame);
 
@@ -48,6 +46,7 @@ public:
     void each(function_ref<void(const std::string& service, std::uint64_t id, bool runs)> visit) const;
 
 private:
+    std::shared_ptr<void> share() override { return over_.shared_from_this(); }
     enum class state : std::uint8_t { ready, comparing, refused };
     struct binding {
         explicit binding(held_budget& room) : held(limit::held_requests, room) {}

@@ -46,11 +46,10 @@ void outgoing_calls::introduce(std::uint32_t number) {
 bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
     auto& connection = over_.wire();
     if (connection.out().pending_call_bytes() > over_.runtime().options().session_bytes) return false;
-    if (free_slots_.empty()) {
+    if (first_free_ == slots_.size()) {
         auto most = std::min(connection.terms().peer_accepts.max_calls, 1u << 20);
         if (slots_.size() >= most) return false;
-        slots_.emplace_back();
-        free_slots_.push_back(static_cast<std::uint32_t>(slots_.size() - 1));
+        slots_.emplace_back().service = first_free_ + 1;
     }
     wire::request_head head;
     head.service = number_of(call);
@@ -58,7 +57,7 @@ bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
     head.trace = call.trace.trace;
     head.parent = call.trace.parent;
     if (connection.tells_traces()) head.high = call.trace.high;
-    std::uint32_t at = free_slots_.back();
+    const auto at = first_free_;
     call.id = call_id(at, slots_[at].generation);
     const std::uint8_t again = call.number != 0 ? wire::flag::again : std::uint8_t{0};
     // Where sessions come and go more lightly, what was asked can be asked again.
@@ -95,9 +94,10 @@ bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
         out.truncate(start);
         throw;
     }
-    free_slots_.pop_back();
-    slots_[at].call = &call;
-    slots_[at].service = head.service;
+    auto& taken = slots_[at];
+    taken.call = &call;
+    first_free_ = std::exchange(taken.service, head.service);
+    ++pending_;
     call.moves(call_state::sent, *this);
     call.sent_to = over_.peer().incarnation;
     connection.out().end_call(start, std::move(object));
@@ -126,7 +126,8 @@ outgoing_calls::slot* outgoing_calls::find_slot(std::uint64_t id) noexcept {
 
 pending_call& outgoing_calls::free_slot(slot& of) {
     ++of.generation;
-    free_slots_.push_back(static_cast<std::uint32_t>(&of - slots_.data()));
+    of.service = std::exchange(first_free_, static_cast<std::uint32_t>(&of - slots_.data()));
+    --pending_;
     return *std::exchange(of.call, nullptr);
 }
 
@@ -223,8 +224,8 @@ void outgoing_calls::on_session_end(const failure& cause, call_owner* owner) {
     over_.wire().take_unwritten([&](const net::carried_frame& unwritten) {
         const auto& header = unwritten.header;
         auto* call = take_slot(header.id);
-        if (!call) return;                               // given up
-        bool ours = owner && call->owner.get() == owner; // one over another link to this session ends with it
+        if (!call) return;                         // given up
+        bool ours = owner && call->owner == owner; // one over another link to this session ends with it
         if (ours && (header.flags & wire::flag::again)) {
             owner->repeat(*call); // an earlier session may have carried it
         } else if (ours) {
@@ -239,7 +240,7 @@ void outgoing_calls::on_session_end(const failure& cause, call_owner* owner) {
     for (auto& left : slots_) {
         if (!left.call) continue;
         auto& call = free_slot(left);
-        if (call.number != 0 && owner && call.owner.get() == owner && !over_.runtime().stopping()) {
+        if (call.number != 0 && owner && call.owner == owner && !over_.runtime().stopping()) {
             owner->repeat(call);
             continue;
         }

@@ -23,7 +23,7 @@ public:
     /// errc::too_large where the peer would not take it.
     bool send(pending_call& call, outgoing_packet request);
     /// Those that are not answered yet.
-    std::size_t pending() const noexcept { return slots_.size() - free_slots_.size(); }
+    std::size_t pending() const noexcept { return pending_; }
     failure let_go(pending_call& call, errc why) override;
 
     result<void> on_reply(const net::carried_frame& received);
@@ -47,9 +47,9 @@ private:
         held_packets<std::uint64_t> held;  // by their calls
     };
     struct slot {
-        pending_call* call = nullptr;
+        pending_call* call = nullptr; // null: it is free
         std::uint32_t generation = 0;
-        std::uint32_t service = 0;
+        std::uint32_t service = 0; // of a free one: the free one behind it
     };
 
     std::uint32_t number_of(const pending_call& call);
@@ -65,7 +65,8 @@ private:
     held_budget held_; // of all services
     std::vector<std::unique_ptr<introduced>> introduced_;
     std::vector<slot> slots_;
-    std::vector<std::uint32_t> free_slots_;
+    std::uint32_t first_free_ = 0; // none where it is beyond all
+    std::size_t pending_ = 0;
 };
 
 } // namespace ise

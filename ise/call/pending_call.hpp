@@ -1,9 +1,9 @@
 #pragma once
-#include <ise/call/call_completion.hpp>
 #include <ise/call/context.hpp>
 #include <ise/call/service_meter.hpp>
 #include <ise/core/error.hpp>
 #include <ise/core/function_ref.hpp>
+#include <ise/core/held.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/session/carried_packet.hpp>
 #include <ise/session/contract.hpp>
@@ -22,12 +22,36 @@ class pending_calls;
 class call_owner;
 struct pending_call;
 
-/// Keeps the owner of a call. All calls of one owner have one share of it together: a share for each would cost two
-/// locked instructions a call.
-struct let_go_of_owner {
-    void operator()(call_owner* held) const noexcept;
+/// How a call ended: a failure, or the response (valid during the call only).
+struct call_outcome {
+    const failure* why = nullptr;
+    incoming_packet* response = nullptr;
 };
-using held_owner = std::unique_ptr<call_owner, let_go_of_owner>;
+
+/// Who waits for a call, from `peer_channel::call` on: keeps the call's owner, lives until it is told that the call has
+/// ended, and may give it up before.
+class call_waiter {
+public:
+    call_waiter(const call_waiter&) = delete;
+    call_waiter& operator=(const call_waiter&) = delete;
+
+    /// Told once: takes the outcome over, and goes on behind what happens now (`loop::later`).
+    virtual void end(loop& on, const call_outcome& outcome) = 0;
+    /// Told in place of that when the loop has ended: there will be no outcome. May destroy *this.
+    virtual void drop() noexcept = 0;
+
+    /// Nothing before the call begins and after it has ended.
+    void give_up();
+
+protected:
+    call_waiter() = default;
+    ~call_waiter() = default;
+
+private:
+    friend class pending_calls;
+    friend struct pending_call;
+    pending_call* call_ = nullptr;
+};
 
 /// Where a call is.
 enum class call_state : std::uint8_t {
@@ -48,22 +72,6 @@ protected:
     ~call_holder() = default;
 };
 
-/// With which whoever waits for a call gives it up. It does nothing before the call begins and after it has ended.
-class call_cancellation {
-public:
-    call_cancellation() = default;
-    call_cancellation(const call_cancellation&) = delete;
-    call_cancellation& operator=(const call_cancellation&) = delete;
-    ~call_cancellation();
-
-    void cancel();
-
-private:
-    friend class pending_calls;
-    friend struct pending_call;
-    pending_call* call_ = nullptr;
-};
-
 /// One call from its beginning to its outcome. Pooled: steady calling allocates none of these.
 struct pending_call final : suspended {
     explicit pending_call(pending_calls& of);
@@ -78,13 +86,12 @@ struct pending_call final : suspended {
     time_point began{};          ///< the turn in which it was made
     std::source_location where;  ///< the `co_await` of it, if there is one
     const call_context* made_in = nullptr; ///< the handler that waits for it
-    call_completion done;
+    call_waiter* waiter = nullptr;         ///< null: it has ended
     timer alarm;
-    call_cancellation* cancellation = nullptr;
 
     call_state state = call_state::starting;
     call_holder* holder = nullptr; ///< null while it is starting
-    held_owner owner;              ///< where it goes on waiting
+    call_owner* owner = nullptr;   ///< where it goes on waiting
     std::uint64_t id = 0;          ///< on the session
     payload waiting;               ///< the request, while there is no session, or where it may be sent again
     std::uint64_t number = 0;      ///< by which it is sent again, once it was sent where that is possible
@@ -101,20 +108,13 @@ struct pending_call final : suspended {
     }
 
 private:
+    friend class pending_calls;
     void drop() noexcept override; // the loop ends: who waits is destroyed unresumed
 };
 
 /// Who makes calls, and goes on with those that a lost session leaves.
-class call_owner {
+class call_owner : public holdable {
 public:
-    /// Keeps `of` for a call. `share`, where there is one, is taken over if none is held yet.
-    template <class Owner>
-    static held_owner hold(Owner& of, std::shared_ptr<Owner>&& share) {
-        call_owner& base = of;
-        if (base.calls_++ == 0) base.self_ = share ? std::move(share) : of.shared_from_this();
-        return held_owner(&of);
-    }
-
     /// The provider for people.
     virtual const std::string& name() const noexcept = 0;
     /// Whether a new session follows one that ended; calls continue over it where that is possible.
@@ -133,10 +133,7 @@ protected:
     ~call_owner() = default;
 
 private:
-    friend struct let_go_of_owner;
     std::uint64_t next_number_;
-    std::size_t calls_ = 0;            // that hold it
-    std::shared_ptr<call_owner> self_; // while there are any
     bool reconnects_;
 };
 
@@ -147,9 +144,9 @@ public:
     ~pending_calls();
 
     loop& on() noexcept { return on_; }
-    /// A call that `owner` keeps, and `by` cancels.
-    pending_call& open(held_owner owner, call_cancellation& by);
-    /// Ends a call, once: its completion runs with the outcome, and the record is free again.
+    /// A call of `owner`, for `waiter`.
+    pending_call& open(call_owner& owner, call_waiter& waiter);
+    /// Ends a call, once: its waiter gets the outcome, and the record is free again.
     void end(pending_call& call, const call_outcome& outcome);
     void fail(pending_call& call, const failure& why);
     /// The loop has ended: nothing completes it any more, whoever waits is unwound.
@@ -170,9 +167,9 @@ public:
 
 private:
     friend struct pending_call;
-    friend class call_cancellation;
-    static void unbind(pending_call& call) noexcept;
+    friend class call_waiter;
     void give_up(pending_call& call, errc why);
+    void end_late(call_waiter& waiter, const call_context& made_in, const failure& late);
 
     loop& on_;
     std::vector<std::unique_ptr<pending_call>> all_;

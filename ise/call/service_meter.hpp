@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <memory>
 #include <new>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -26,6 +27,7 @@ public:
     }
     duration sum() const noexcept { return sum_; } ///< of all that was added
     std::uint64_t count(std::size_t bucket) const noexcept { return counts_[bucket]; }
+    std::uint64_t count() const noexcept { return std::accumulate(counts_.begin(), counts_.end(), std::uint64_t{0}); }
 
     static constexpr std::size_t bucket_of(duration took) noexcept {
         auto units = static_cast<std::uint64_t>(std::max<std::int64_t>(took.count(), 0)) >> unit_bits;
@@ -69,7 +71,8 @@ class service_meter {
 public:
     static constexpr duration pause = std::chrono::microseconds(100);
 
-    /// A request came: whether its handling is to be measured if it begins at once. `turn`: the loop's time.
+    /// A request came: whether its handling is to be measured if it begins at once; that of the first one is. `turn`:
+    /// the loop's time.
     bool samples(time_point turn) {
         if (turn < next_) return false;
         if (!took_) [[unlikely]]
@@ -78,12 +81,7 @@ public:
         return true;
     }
     /// A handler begins with it, after that wait.
-    void begins(duration wait = duration{}) {
-        if (!took_) [[unlikely]]
-            took_ = std::make_unique<both>();
-        ++calls_;
-        took_->waited.add(wait);
-    }
+    void begins(duration wait = duration{}) noexcept { took_->waited.add(wait); }
     void handled(duration took) noexcept { took_->handled.add(took); }
     void refused_overloaded() noexcept { ++overloaded_; }
     void refused_expired() noexcept { ++expired_; }
@@ -94,7 +92,8 @@ public:
 
     std::uint64_t answered_calls() const noexcept { return answered_; } ///< with a response
     const outcome_counts& failures() const noexcept { return failures_; }
-    std::uint64_t calls() const noexcept { return calls_; }           ///< that a handler began with
+    /// That a handler began with.
+    std::uint64_t calls() const noexcept { return took_ ? took_->waited.count() : 0; }
     std::uint64_t overloaded() const noexcept { return overloaded_; } ///< refused: too many waited
     std::uint64_t expired() const noexcept {
         return expired_;
@@ -109,7 +108,7 @@ private:
     };
     std::unique_ptr<both> took_; // most services of most components are never called
     time_point next_ = time_point::min();
-    std::uint64_t calls_ = 0, overloaded_ = 0, expired_ = 0, answered_ = 0;
+    std::uint64_t overloaded_ = 0, expired_ = 0, answered_ = 0;
     outcome_counts failures_;
 };
 

@@ -5,7 +5,7 @@
 namespace ise {
 
 void waiting_calls::push(waiting_call one) {
-    const auto* from = one.call.from.get();
+    const auto* from = one.from.get();
     auto [at, first] = lines_.try_emplace(from);
     if (first) turns_.push_back(from);
     ++count_;

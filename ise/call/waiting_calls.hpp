@@ -13,6 +13,7 @@ namespace ise {
 
 /// A request that no handler is free for.
 struct waiting_call {
+    held<call_origin> from;
     incoming_call call;
     payload request;
     time_point since; ///< it waits

@@ -36,6 +36,8 @@ void async_stack::cancel() {
     if (suspended_at_) suspended_at_->cancel();
 }
 
+void async_stack::throw_again(const std::exception_ptr& what) { std::rethrow_exception(what); }
+
 void async_stack::throw_cancelled() { throw std::system_error(asio::error::operation_aborted, "co_await"); }
 
 } // namespace ise

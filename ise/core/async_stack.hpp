@@ -4,6 +4,7 @@
 
 #include <coroutine>
 #include <cstdint>
+#include <exception>
 #include <utility>
 
 namespace ise {
@@ -90,6 +91,8 @@ public:
         top_ = returned_to;
         phase_ = returned_to ? phase::goes_on : phase::runs;
     }
+
+    [[noreturn]] static void throw_again(const std::exception_ptr& what);
 
     /// What is asked of the stack by `co_await` without waiting; see `this_task`.
     class query {};

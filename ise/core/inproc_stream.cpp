@@ -96,7 +96,7 @@ public:
             over = true;
             return readable.resume({problem, 0});
         }
-        receiver->on_passed(content.view(), attachments);
+        receiver->on_passed(content, attachments);
         content.recycle();
         if (!attachments.empty()) attachments.clear();
         if (!incoming->wait()) on.flush_soon(*this); // others have their turn before

@@ -146,8 +146,6 @@ private:
 class loop {
 public:
     using executor_type = asio::any_io_executor;
-    /// Room for a stored completion handler and its values, so that resuming allocates nothing.
-    using ready_function = unique_function<void(), 144>;
 
     loop(environment& environment, const executor_type& executor, std::function<bool()> running_here);
     ~loop();
@@ -254,7 +252,7 @@ private:
     std::unique_ptr<alarm> alarm_;
     idle_watcher* watcher_ = nullptr;
     std::vector<timer*> heap_;
-    std::vector<ready_function> ready_, spare_ready_;
+    std::vector<unique_function<void()>> ready_, spare_ready_;
     flushable::entry outputs_{nullptr};
     time_point turn_time_{};
     time_point alarm_at_ = time_point::max();

@@ -12,9 +12,9 @@ class object_stream : public stream {
 public:
     class user {
     public:
-        /// What the other side wrote, each `pass` whole and with its objects, in order. Called inside a turn of the
-        /// loop; objects that are left are dropped.
-        virtual void on_passed(bytes_view content, ring<passed_object>& attachments) = 0;
+        /// What the other side wrote, each `pass` whole and with its objects, in order; the buffer may be taken over
+        /// for an empty one. Called inside a turn of the loop; what is left is dropped.
+        virtual void on_passed(buffer& content, ring<passed_object>& attachments) = 0;
 
     protected:
         ~user() = default;

@@ -95,7 +95,8 @@ public:
 
 protected:
     void rethrow() const {
-        if (thrown_) std::rethrow_exception(thrown_);
+        if (thrown_) [[unlikely]]
+            async_stack::throw_again(thrown_);
     }
 
 private:

@@ -20,8 +20,7 @@ struct held_name {
     naming::component_claim claim() const;
 
     /// Takes the answer of that server. A failure: the name is not ours, and will not be (name_taken, superseded,
-    /// refused).
-    /// Else it is granted (`epoch`), or it is asked for again from `not_before` on.
+    /// refused). Else it is granted (`epoch`), or it is asked for again from `not_before` on.
     ///
     /// A name that another holds is given up only once that one has renewed its lease twice at one server: one renewal
     /// may still have been on its way when its sender died, and the lease of the dead ends soon.

@@ -56,9 +56,10 @@ struct session_terms {
 /// is written in a turn leaves in one gathered write, and there is a writer coroutine only while the socket is full.
 /// Whatever breaks (a write as well as a read) ends it for both directions, once, with its cause. Lives on one
 /// loop; shared by its coroutines and its user.
-/// Over datagrams, packets of subscriptions are messages of their own beside the stream (`lossy()`). Within a process
-/// packets need no bytes: objects travel beside their frames (`passes_objects()`). Both hand over what comes where it
-/// lies; the reader only waits for the end.
+/// Bytes come to the parser in one way: the transport puts them into `room()`, or the reader does where the transport
+/// has to be asked. Over datagrams, packets of subscriptions are messages of their own beside the stream (`lossy()`).
+/// Within a process the parser takes over whole buffers, and packets need no bytes: objects travel beside their frames
+/// (`passes_objects()`).
 class connection final : public std::enable_shared_from_this<connection>,
                          public flushable,
                          private stream_reader,
@@ -168,15 +169,13 @@ private:
     void end_for_read(const std::error_code& problem);
     task<> write(std::shared_ptr<connection> held);
     void take_frames();
-    void take_lying(bytes_view content);
     result<void> take(const carried_frame& received, user* receiver);
     result<void> take_attached(carried_frame received, user* receiver);
     result<void> take_own(const carried_frame& received, user* receiver);
     static failure too_many_answers();
     void on_heard() override { alive_.heard(on_.now()); }
-    void on_content(bytes_view content) override;
     void on_message(bytes_view message) override;
-    void on_passed(bytes_view content, ring<passed_object>& attachments) override;
+    void on_passed(buffer& content, ring<passed_object>& attachments) override;
     void on_room() override { written(); }
     void on_sign() override;
     void end_for(const failure& wrong);
@@ -198,6 +197,7 @@ private:
     std::unique_ptr<wire::reassembly> reassembly_; // once a piece has come
     outbox outbox_;
     std::unique_ptr<batch> batch_; // while it is being written
+    spare_batch& spare_;
     timer heartbeat_;
     std::unique_ptr<timer> grace_; // once it finishes
     task_scope* scope_ = nullptr;

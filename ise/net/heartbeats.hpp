@@ -75,12 +75,9 @@ public:
         return same_ ? duration{} : (high_ - low_) / 2 + (now - taken_) / steadiness;
     }
 
-    /// A deadline of ours on the peer's clock: not later, and by up to twice the uncertainty earlier. That is a round
-    /// trip: of a deadline that is closer no answer would come in time.
-    time_point deadline(time_point ours, time_point now) const noexcept {
-        if (same_) return ours;
-        return saturating_add(now + (low_ + high_) / 2, ours - now - uncertainty(now));
-    }
+    /// What is added to a deadline of ours so that it is one of the peer's clock: not later, and by up to twice the
+    /// uncertainty earlier. That is a round trip: of a deadline that is closer no answer would come in time.
+    duration ahead(time_point now) const noexcept { return (low_ + high_) / 2 - uncertainty(now); }
 
 private:
     // A peer may say anything: within these bounds nothing overflows.

@@ -120,20 +120,22 @@ void batch::clear() {
     attached_weight_ = written_ = 0;
 }
 
+outbox::request_times outbox::times(time_point now) const noexcept {
+    if (!clock_ || !clock_->known()) return {now};
+    return {now, true, clock_->ahead(now)};
+}
+
 // False if the request expired: nobody waits for it any more.
-bool outbox::stamp(std::byte* body, std::uint8_t& flags, time_point now) const {
+bool outbox::stamp(std::byte* body, std::uint8_t& flags, const request_times& by) noexcept {
     const auto deadline = deadline_of(body);
-    if (deadline <= now) return false;
-    auto result = (deadline - now).count();
-    if (clock_ && clock_->known()) {
-        result = clock_->deadline(deadline, now).time_since_epoch().count();
-        flags |= wire::flag::until;
-    }
-    wire::request_head::set_time(body, result);
+    if (deadline <= by.now) return false;
+    const auto told = by.until ? saturating_add(deadline, by.ahead).time_since_epoch() : deadline - by.now;
+    if (by.until) flags |= wire::flag::until;
+    wire::request_head::set_time(body, told.count());
     return true;
 }
 
-void outbox::end_call(std::size_t start, passed_object packet) {
+void outbox::end_call(std::size_t start, passed_object&& packet) {
     if (packet) {
         attached_weight_ += packet.weight();
         attachments_.push_back(std::move(packet));
@@ -282,7 +284,7 @@ bool outbox::calls_alone(time_point now) {
         return true;
     };
     return each_request([now](std::byte* frame) { return deadline_of(frame + frame_header::size) > now; }) &&
-           each_request([this, now](std::byte* frame) { return stamp(frame, now); });
+           each_request([by = times(now)](std::byte* frame) { return stamp(frame, by); });
 }
 
 void outbox::move_calls(batch& out) {
@@ -291,13 +293,14 @@ void outbox::move_calls(batch& out) {
 }
 
 void outbox::fill_calls(batch& out, time_point now) {
+    const auto by = times(now);
     std::size_t at = calls_taken_;
     std::size_t expired = 0;
     const std::size_t weight_before = attached_weight_;
     while (at < calls_.size() && at - calls_taken_ + (weight_before - attached_weight_) < batch_limit_) {
         auto header = wire::read_header(calls_.data() + at);
         std::size_t size = frame_header::size + header.length;
-        const bool late = is_request(header) && !stamp(calls_.data() + at, now);
+        const bool late = is_request(header) && !stamp(calls_.data() + at, by);
         if (header.flags & wire::flag::attached) {
             auto object = take_beside();
             if (!late) out.pass(std::move(object));
@@ -377,7 +380,7 @@ void outbox::fill_pieces(big_messages& from, batch& out, time_point now) {
         }
         if (!message.begun && message.deadline != time_point::max()) {
             // The buffer is this message's own: only the constness of shared owners is in the way.
-            if (!stamp(const_cast<std::byte*>(message.payload.data()), message.header.flags, now)) {
+            if (!stamp(const_cast<std::byte*>(message.payload.data()), message.header.flags, times(now))) {
                 from.ends(message);
                 continue;
             }

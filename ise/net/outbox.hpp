@@ -150,7 +150,7 @@ public:
     buffer& calls() noexcept { return calls_; }
     /// A frame was appended that begins at `start`. `packet`: what it has beside it (`wire::flag::attached`), if
     /// anything.
-    void end_call(std::size_t start, passed_object packet = {});
+    void end_call(std::size_t start, passed_object&& packet = passed_object());
 
     void add(publication_source& source);
     void remove(publication_source& source) noexcept;
@@ -236,9 +236,16 @@ private:
     };
     bool may_begin(const big_messages& among, const big_message& one) const noexcept;
 
-    bool stamp(std::byte* body, std::uint8_t& flags, time_point now) const;
-    bool stamp(std::byte* frame, time_point now) const {
-        return stamp(frame + wire::frame_header::size, reinterpret_cast<std::uint8_t&>(frame[5]), now);
+    /// How the time of a request is told when it is written.
+    struct request_times {
+        time_point now;
+        bool until = false; ///< as one of the peer's clock, which is `ahead`; else as what remains
+        duration ahead{};
+    };
+    request_times times(time_point now) const noexcept;
+    static bool stamp(std::byte* body, std::uint8_t& flags, const request_times& by) noexcept;
+    static bool stamp(std::byte* frame, const request_times& by) noexcept {
+        return stamp(frame + wire::frame_header::size, reinterpret_cast<std::uint8_t&>(frame[5]), by);
     }
     void fill_calls(batch& out, time_point now);
     void fill_pieces(big_messages& from, batch& out, time_point now);

@@ -32,6 +32,8 @@ public:
     }
     ~shared_bytes() { let_go(); }
 
+    /// Whether there are any.
+    explicit operator bool() const noexcept { return block_ != nullptr; }
     /// Of one that was moved from: unspecified.
     std::size_t size() const noexcept { return size_; }
     bytes_view view() const noexcept { return {data_, size_}; }

@@ -28,7 +28,7 @@ result<dynamic_packet> response_of(const call_outcome& outcome, const schema& ty
 }
 
 /// A call whose packets are bytes. Whoever waits keeps the types, the service's name and the request.
-class submitted_call final : public awaiter {
+class submitted_call final : public awaiter, private call_waiter {
 public:
     submitted_call(std::shared_ptr<peer_channel> to, std::string_view service, const packet_types& types,
                    bytes_view request, duration deadline)
@@ -37,22 +37,24 @@ public:
     template <class Promise>
     void await_suspend(std::coroutine_handle<Promise> coroutine) {
         auto& stack = coroutine.promise().stack();
-        call_completion done = [this, waiting = stack.suspend(*this)](const call_outcome& outcome) mutable {
-            got_.emplace(response_of(outcome, service_.types->schemas[role::response]));
-            return [waiting = std::move(waiting)]() mutable { waiting.resume(); };
-        };
-        detail::start_call(*to_, std::move(to_), service_, deadline_, stack.executor(), cancellation_, std::move(done),
-                           outgoing_packet::of_bytes(request_));
+        waiting_ = stack.suspend(*this);
+        detail::start_call(*to_, service_, deadline_, stack.executor(), *this, outgoing_packet::of_bytes(request_));
     }
     result<dynamic_packet> await_resume() { return std::move(*got_); }
-    void cancel() override { cancellation_.cancel(); }
+    void cancel() override { give_up(); }
 
 private:
+    void end(loop& on, const call_outcome& outcome) override {
+        got_.emplace(response_of(outcome, service_.types->schemas[role::response]));
+        on.later([waiting = std::move(waiting_)]() mutable { waiting.resume(); });
+    }
+    void drop() noexcept override { auto dropped = std::move(waiting_); }
+
     std::shared_ptr<peer_channel> to_;
     service_key service_;
     bytes_view request_;
     duration deadline_;
-    call_cancellation cancellation_;
+    suspended_stack waiting_;
     std::optional<result<dynamic_packet>> got_;
 };
 
@@ -87,7 +89,7 @@ dynamic_packet default_packet(const schema& of) { return dynamic_packet(of, adap
 task<result<dynamic_packet>> call_dynamic(remote provider, dynamic_contract service, dynamic_packet request,
                                           duration deadline) {
     auto& way = provider.way();
-    if (auto misplaced = detail::check_place(way, {service.name(), nullptr})) co_return std::move(*misplaced);
+    if (!detail::is_here(way)) co_return way.misplaced({service.name(), nullptr});
     if (auto wrong = check_kind(provider, service, service_kind::request_response)) co_return std::move(*wrong);
     auto kept = way.runtime().schemas().keep(service.types());
     if (!kept) co_return kept.error();
@@ -230,7 +232,7 @@ std::uint32_t dynamic_run::before() const { return core_->before(); }
 task<result<dynamic_run>> start_dynamic(remote provider, dynamic_contract service, dynamic_packet goal,
                                         run_options options) {
     auto& way = provider.way();
-    if (auto misplaced = detail::check_place(way, {service.name(), nullptr})) co_return std::move(*misplaced);
+    if (!detail::is_here(way)) co_return way.misplaced({service.name(), nullptr});
     if (!is_action(*service.types()))
         co_return failure(errc::invalid_argument,
                           fmt::format("'{}' at {} is a {} service, not an action", service.name(), provider.name(),
@@ -254,7 +256,7 @@ task<result<dynamic_run>> start_dynamic(remote provider, dynamic_contract servic
 task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract service, dynamic_packet request,
                                                subscribe_options options) {
     auto& way = provider.way();
-    if (auto misplaced = detail::check_place(way, {service.name(), nullptr})) co_return std::move(*misplaced);
+    if (!detail::is_here(way)) co_return way.misplaced({service.name(), nullptr});
     if (auto wrong = check_kind(provider, service, service_kind::subscription)) co_return std::move(*wrong);
     auto kept = way.runtime().schemas().keep(service.types());
     if (!kept) co_return kept.error();

@@ -7,8 +7,6 @@
 #include <ise/session/tracer.hpp>
 
 #include <asio/any_io_executor.hpp>
-#include <asio/post.hpp>
-#include <asio/system_executor.hpp>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -101,18 +99,10 @@ failure peer_channel::misplaced(service_key service) const {
                         service.name, name_)};
 }
 
-void peer_channel::call(std::shared_ptr<peer_channel>&& share, service_key service, duration deadline,
-                        const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion&& done,
-                        outgoing_packet request, const std::source_location& where) {
+void peer_channel::call(service_key service, duration deadline, const asio::any_io_executor& waiting,
+                        call_waiter& waiter, outgoing_packet request, const std::source_location& where) {
     auto& on = runtime().on();
-    if (!on.running_here()) [[unlikely]] {
-        auto why = misplaced(service);
-        auto completion = done(call_outcome{&why, nullptr});
-        if (waiting) asio::post(waiting, std::move(completion));
-        else asio::post(asio::system_executor(), std::move(completion));
-        return;
-    }
-    auto& call = of_.calls.open(call_owner::hold(*this, std::move(share)), cancellation);
+    auto& call = of_.calls.open(*this, waiter);
     call.service = service.name;
     call.types = service.types;
     call.began = on.now();
@@ -126,7 +116,6 @@ void peer_channel::call(std::shared_ptr<peer_channel>&& share, service_key servi
     call.where = where;
     if (auto* traces = runtime().options().traces.get()) [[unlikely]]
         call.spans = traces->begin_call(call.trace, call.caused_by, call.made_in != nullptr);
-    call.done = std::move(done);
     if (on.abandoned()) return of_.calls.abandon(call);
     if (call.deadline <= call.began)
         return of_.calls.fail(call, failure(errc::timed_out, fmt::format("'{}' at {} was called after its deadline",
@@ -137,6 +126,8 @@ void peer_channel::call(std::shared_ptr<peer_channel>&& share, service_key servi
         if (!session_->calls().send(call, request)) of_.calls.fail(call, overloaded(*session_, name_));
     } catch (const error& thrown) {
         of_.calls.fail(call, thrown.why());
+    } catch (const std::exception& thrown) { // of a packet with functions of its own
+        of_.calls.fail(call, failure(errc::malformed, thrown.what()));
     }
 }
 

@@ -62,8 +62,7 @@ public:
     bool awaits(std::string_view service) const noexcept override;
 
     /// Starts a call (`detail::start_call`). Its outcome comes later, even on refusal.
-    void call(std::shared_ptr<peer_channel>&& share, service_key service, duration deadline,
-              const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion&& done,
+    void call(service_key service, duration deadline, const asio::any_io_executor& waiting, call_waiter& waiter,
               outgoing_packet request, const std::source_location& where);
     /// Why it is not used on another thread than the component's.
     failure misplaced(service_key service) const;
@@ -104,6 +103,7 @@ public:
     std::size_t subscribers() const noexcept { return subscribers_.size(); }
 
 private:
+    std::shared_ptr<void> share() override { return shared_from_this(); }
     bool wanted() const noexcept { return !waiting_.empty() || !subscribers_.empty() || connectors_ > 0; }
     void wake();
     static task<> maintain(std::shared_ptr<peer_channel> self);

@@ -16,15 +16,14 @@ namespace detail {
 
 std::shared_ptr<subscription_owner> subscriptions_of(std::shared_ptr<peer_channel> to) { return to; }
 
-std::optional<failure> check_place(peer_channel& to, service_key service) {
-    if (to.runtime().on().running_here()) return std::nullopt;
-    return to.misplaced(service);
-}
+bool is_here(const peer_channel& to) { return to.runtime().on().running_here(); }
+failure misplaced(const peer_channel& to, service_key service) { return to.misplaced(service); }
 
-void start_call(peer_channel& to, std::shared_ptr<peer_channel>&& share, service_key service, duration deadline,
-                const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion&& done,
-                outgoing_packet request, const std::source_location& where) {
-    to.call(std::move(share), service, deadline, waiting, cancellation, std::move(done), request, where);
+held<call_owner> keep(peer_channel& to) { return held<call_owner>(to); }
+
+void start_call(peer_channel& to, service_key service, duration deadline, const asio::any_io_executor& waiting,
+                call_waiter& waiter, outgoing_packet request, const std::source_location& where) {
+    to.call(service, deadline, waiting, waiter, request, where);
 }
 
 } // namespace detail

@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/call/pending_call.hpp>
+#include <ise/core/held.hpp>
 #include <ise/core/task.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/service/action.hpp>
@@ -22,27 +23,30 @@ class peer_channel;
 
 namespace detail {
 
-/// Everything of a call that needs no types: opens the record, which keeps `to`, fits deadline and trace to the context
-/// that the executor of whoever waits carries, and sends. `share`, where there is one, may be taken over for that. Off
-/// the component's thread nothing is touched and nothing sent: the call fails, on that executor or, where there is
-/// none, on the system's. `where`: of the `co_await`, for people.
-void start_call(peer_channel& to, std::shared_ptr<peer_channel>&& share, service_key service, duration deadline,
-                const asio::any_io_executor& waiting, call_cancellation& cancellation, call_completion&& done,
-                outgoing_packet request, const std::source_location& where = std::source_location());
+/// Whether this is the thread of its component: on another one nothing of it may be touched.
+bool is_here(const peer_channel& to);
+/// The failure where it is not.
+failure misplaced(const peer_channel& to, service_key service);
+/// Everything of a call that needs no types, on the component's thread: opens the record, fits deadline and trace to
+/// the context that the executor of whoever waits carries, and sends. `where`: of the `co_await`, for people.
+void start_call(peer_channel& to, service_key service, duration deadline, const asio::any_io_executor& waiting,
+                call_waiter& waiter, outgoing_packet request,
+                const std::source_location& where = std::source_location());
+/// Keeps `to` for a call.
+held<call_owner> keep(peer_channel& to);
 /// The same as what a subscriber needs of it.
 std::shared_ptr<subscription_owner> subscriptions_of(std::shared_ptr<peer_channel> to);
-/// A failure where `to` is used on another thread than its component's.
-std::optional<failure> check_place(peer_channel& to, service_key service);
 
+/// Decodes the outcome where it is kept.
 template <class Response>
-result<Response> response_of(const call_outcome& outcome) {
-    if (outcome.why) return *outcome.why;
+void take_outcome(const call_outcome& outcome, std::optional<result<Response>>& into) {
+    if (outcome.why) return void(into.emplace(*outcome.why));
     try {
-        result<Response> got{Response{}};
-        outcome.response->take_into(*got);
-        return got;
+        outcome.response->take_into(*into.emplace(Response{}));
     } catch (const error& unfit) { // the provider answered, and so it ran
-        return failure(unfit.code(), unfit.what(), execution::unknown);
+        into.emplace(failure(unfit.code(), unfit.what(), execution::unknown));
+    } catch (const std::exception& unfit) { // of a packet with functions of its own
+        into.emplace(failure(errc::malformed, unfit.what(), execution::unknown));
     }
 }
 
@@ -105,7 +109,7 @@ inline constexpr bool is_result<result<T>> = true;
 /// A call, which begins when it is awaited. `Outcome` is what `co_await` returns: the response, or an ise::result of
 /// it. Converts to an `ise::task` for whoever wants one.
 template <class Contract, class Outcome>
-class [[nodiscard]] call_operation final : public awaiter {
+class [[nodiscard]] call_operation final : public awaiter, private call_waiter {
     using request_type = typename Contract::request_type;
     using response_type = typename Contract::response_type;
 
@@ -119,12 +123,12 @@ public:
     template <class Promise>
     void await_suspend(std::coroutine_handle<Promise> coroutine) {
         auto& stack = coroutine.promise().stack();
-        call_completion done = [this, waiting = stack.suspend(*this)](const call_outcome& outcome) mutable {
-            got_.emplace(detail::response_of<response_type>(outcome));
-            return [waiting = std::move(waiting)]() mutable { waiting.resume(); };
-        };
-        detail::start_call(*to_, std::move(to_), service_, deadline_, stack.executor(), cancellation_, std::move(done),
-                           outgoing_packet(request_), where_);
+        waiting_ = stack.suspend(*this);
+        if (!detail::is_here(*to_)) [[unlikely]] {
+            got_.emplace(detail::misplaced(*to_, service_));
+            return waiting_.resume();
+        }
+        detail::start_call(*to_, service_, deadline_, stack.executor(), *this, outgoing_packet(request_), where_);
     }
     /// Where it is awaited (`task_promise_base::await_transform`).
     void awaited_at(const std::source_location& where) noexcept { where_ = where; }
@@ -132,16 +136,22 @@ public:
         if constexpr (detail::is_result<Outcome>) return std::move(*got_);
         else return std::move(got_->value());
     }
-    void cancel() override { cancellation_.cancel(); }
+    void cancel() override { give_up(); }
 
     operator task<Outcome>() && { return as_task(std::move(*this)); }
 
 private:
+    void end(loop& on, const call_outcome& outcome) override {
+        detail::take_outcome(outcome, got_);
+        on.later([waiting = std::move(waiting_)]() mutable { waiting.resume(); });
+    }
+    void drop() noexcept override { auto dropped = std::move(waiting_); }
+
     std::shared_ptr<peer_channel> to_;
     service_key service_;
     request_type request_;
     duration deadline_;
-    call_cancellation cancellation_;
+    suspended_stack waiting_;
     std::optional<result<response_type>> got_;
     std::source_location where_;
 };
@@ -272,7 +282,7 @@ private:
     template <class Contract>
     static task<subscriber<Contract>> begin(std::shared_ptr<peer_channel> to, std::string service,
                                             subscribe_options options, bytes request) {
-        if (auto misplaced = detail::check_place(*to, {service, nullptr})) throw error(std::move(*misplaced));
+        if (!detail::is_here(*to)) throw error(detail::misplaced(*to, {service, nullptr}));
         if (request.empty()) request = encode(typename Contract::subscribe_request{});
         auto core = std::make_shared<typename subscriber<Contract>::core>(detail::subscriptions_of(std::move(to)),
                                                                           std::move(service), Contract::types(),
@@ -286,7 +296,7 @@ private:
     template <class Action>
     static task<action_run<Action>> begin_run(std::shared_ptr<peer_channel> to, std::string service,
                                               run_options options, bytes goal) {
-        if (auto misplaced = detail::check_place(*to, {service, nullptr})) throw error(std::move(*misplaced));
+        if (!detail::is_here(*to)) throw error(detail::misplaced(*to, {service, nullptr}));
         auto core = std::make_shared<run_core>(detail::subscriptions_of(std::move(to)), std::move(service),
                                                Action::types(), options, goal);
         action_run<Action> made(core); // cancels it again if the wait is cancelled

@@ -17,19 +17,20 @@ payload outgoing_packet::keep() const {
 }
 
 bytes_view incoming_packet::made_bytes() {
-    if (object_ && written_.empty()) {
+    if (!made_.empty()) return made_;
+    buffer written;
+    if (object_) {
         try {
-            object_->write(written_);
+            object_->write(written);
         } catch (const error&) {
             throw;
         } catch (const std::exception& thrown) { // of a type with functions of its own
             throw error(errc::malformed, thrown.what());
         }
     }
-    const auto whole = object_ ? written_.view() : raw_;
-    if (!adapt) return whole;
-    adapted_ = (*adapt)(whole);
-    return adapted_;
+    const auto whole = object_ ? written.view() : raw_;
+    made_ = adapt ? (*adapt)(whole) : ise::bytes(whole.begin(), whole.end());
+    return made_;
 }
 
 payload incoming_packet::keep() {

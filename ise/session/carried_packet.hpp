@@ -110,8 +110,7 @@ private:
 
     bytes_view raw_;
     passed_object* object_;
-    buffer written_;
-    ise::bytes adapted_;
+    ise::bytes made_;
 };
 
 } // namespace ise

@@ -69,11 +69,15 @@ public:
     service_key key() const { return {name_, &types()}; }
     /// The schemas of its packets, made once.
     static const packet_types& types() {
-        static const packet_types made(service_kind::request_response, {schema_of<Request>(), schema_of<Response>()});
+        static const packet_types made = describe();
         return made;
     }
 
 private:
+    static packet_types describe() {
+        return packet_types(service_kind::request_response, {schema_of<Request>(), schema_of<Response>()});
+    }
+
     std::string_view name_;
 };
 
@@ -103,14 +107,17 @@ public:
     service_key key() const { return {name_, &types()}; }
     /// The schemas of its packets, made once.
     static const packet_types& types() {
-        static const packet_types made(service_kind::subscription,
-                                       {schema_of<SubscribeRequest>(), schema_of<SubscribeResponse>(),
-                                        schema_of<Packet>(), schema_of<UnsubscribeRequest>(),
-                                        schema_of<UnsubscribeResponse>()});
+        static const packet_types made = describe();
         return made;
     }
 
 private:
+    static packet_types describe() {
+        return packet_types(service_kind::subscription,
+                            {schema_of<SubscribeRequest>(), schema_of<SubscribeResponse>(), schema_of<Packet>(),
+                             schema_of<UnsubscribeRequest>(), schema_of<UnsubscribeResponse>()});
+    }
+
     std::string_view name_;
 };
 

@@ -12,6 +12,12 @@ namespace ise {
 
 using wire::frame_type;
 
+outgoing_subscriptions::outgoing_subscriptions(conversation& over)
+    : over_(over),
+      known_flags_(static_cast<std::uint8_t>(wire::flag::skipped |
+                                             (over.wire().tells_stamps() ? wire::flag::stamped : 0) |
+                                             (over.wire().tells_packet_traces() ? wire::flag::caused : 0))) {}
+
 void outgoing_subscriptions::subscribe(subscriber_core& subscriber) {
     auto terms = subscriber.terms();
     auto& connection = over_.wire();
@@ -76,9 +82,10 @@ result<void> outgoing_subscriptions::on_subscribed(const net::carried_frame& rec
 
 result<void> outgoing_subscriptions::on_packet(const net::carried_frame& received) {
     bytes_view body = received.body;
-    const bool skipped = received.header.flags & wire::flag::skipped;
-    const bool stamped = (received.header.flags & wire::flag::stamped) && over_.wire().tells_stamps();
-    const bool traced = (received.header.flags & wire::flag::caused) && over_.wire().tells_packet_traces();
+    const auto flags = received.header.flags & known_flags_;
+    const bool skipped = flags & wire::flag::skipped;
+    const bool stamped = flags & wire::flag::stamped;
+    const bool traced = flags & wire::flag::caused;
     const std::size_t stamp_at = 8 + (skipped ? 4u : 0u), trace_at = stamp_at + (stamped ? 8u : 0u);
     const std::size_t head = trace_at + (traced ? packet_frame::trace_bytes : 0);
     if (body.size() < head)

@@ -13,7 +13,7 @@ namespace ise {
 /// The subscriptions of this side over one session: their numbers, and whose packet it is that came.
 class outgoing_subscriptions final : public subscription_session {
 public:
-    explicit outgoing_subscriptions(conversation& over) : over_(over) {}
+    explicit outgoing_subscriptions(conversation& over);
 
     void subscribe(subscriber_core& subscriber);
     conversation& over() noexcept override { return over_; }
@@ -32,6 +32,7 @@ public:
 
 private:
     conversation& over_;
+    const std::uint8_t known_flags_;                               // of packets, as both sides agreed
     std::map<std::uint64_t, subscriber_core*> subscribers_;        // by subscription id
     std::map<std::uint64_t, std::weak_ptr<departure>> departures_; // by subscription id; those that somebody waits for
     std::uint64_t next_id_ = 1;

@@ -107,8 +107,7 @@ public:
 
 private:
     const std::shared_ptr<publication_core>& held() const {
-        if (!core_)
-            throw error(errc::invalid_argument, "an empty publication: assign what `publish(service)` gave first");
+        if (!core_) publication_core::throw_empty();
         return core_;
     }
     publication_core& core() const { return *held(); }

@@ -20,6 +20,10 @@ publication_core::publication_core(service_runtime& runtime, std::string name, c
 
 publication_core::~publication_core() = default;
 
+void publication_core::throw_empty() {
+    throw error(errc::invalid_argument, "an empty publication: assign what `publish(service)` gave first");
+}
+
 bool publication_core::wants_object() const noexcept { return object_takers > 0 || all_.empty(); }
 
 std::size_t publication_core::subscribers() const noexcept { return all_.size(); }
@@ -33,7 +37,6 @@ published_packet publication_core::encoded(const trace_id& trace, function_ref<v
                     fmt::format("a packet of '{}' has {} bytes, which no frame holds", name(), room.size()));
     published_packet made;
     made.frame = maker_.share();
-    made.has_frame = true;
     made.trace = trace;
     return made;
 }
@@ -59,23 +62,22 @@ void publication_core::publish(published_packet&& packet, const choice* wants) {
     packet.published_at = runtime().publication_time();
     if (packet.trace) [[unlikely]]
         record_publication(packet.trace);
-    if (packet.has_frame) {
+    if (packet.frame) {
         packet_frame::complete(shared_bytes_maker::open(packet.frame), packet.frame.size(), usual_id, packet.sequence,
                                packet.published_at, packet.trace);
     } else if (object_takers < all_.size()) {
         packet.frame = frame_of(packet.object, packet.sequence, packet.published_at, packet.trace);
-        packet.has_frame = true;
     }
     ++sequence_;
     ++runtime().counts().packets_published;
-    std::vector<std::uint64_t> too_slow;
+    bool too_slow = false;
     for (auto& who : all_) {
         if (wants && !(*wants)(who.info())) who.pass();
-        else if (!who.offer(packet)) too_slow.push_back(who.info().number);
+        else if (!who.offer(packet)) too_slow = true;
     }
     if (wants) selective_ = true;
     else last_ = std::move(packet);
-    if (!too_slow.empty()) end_too_slow(too_slow);
+    if (too_slow) end_too_slow();
 }
 
 // The last value is the newest for who comes now, also where later ones were for some only. Who comes later has no part
@@ -90,8 +92,7 @@ std::optional<published_packet> publication_core::last_packet(bool as_object) {
         return made;
     }
     try {
-        if (!last_->has_frame) last_->frame = frame_of(last_->object, last_->sequence, last_->published_at, {});
-        last_->has_frame = made.has_frame = true;
+        if (!last_->frame) last_->frame = frame_of(last_->object, last_->sequence, last_->published_at, {});
         made.frame = last_->frame;
         const auto head = packet_frame::head_size(made.frame.view().data());
         if (last_->sequence == sequence_ && head == packet_frame::head_bytes) return made;
@@ -106,11 +107,10 @@ std::optional<published_packet> publication_core::last_packet(bool as_object) {
 }
 
 // Once the packet has been offered to all: the user is called back, and may publish.
-void publication_core::end_too_slow(const std::vector<std::uint64_t>& numbers) {
-    for (auto number : numbers) {
-        auto found =
-            std::find_if(all_.begin(), all_.end(), [&](const auto& who) { return who.info().number == number; });
-        if (found == all_.end()) continue;
+void publication_core::end_too_slow() {
+    for (;;) {
+        auto found = std::ranges::find_if(all_, [](const auto& who) { return who.attached() && who.overrun(); });
+        if (found == all_.end()) return;
         ++losses.ended;
         end(*found, failure(errc::overloaded,
                             fmt::format("the subscriber of '{}' did not take its packets in time: {} are lost", name(),

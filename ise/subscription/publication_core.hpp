@@ -57,6 +57,9 @@ public:
     /// Packets that wait to be sent, at all subscribers.
     std::size_t queued() const noexcept;
 
+    /// What functions of a publication that is none throw.
+    [[noreturn]] static void throw_empty();
+
     /// Decides over a subscriber; gives the encoded response.
     using acceptor = std::function<result<bytes>(bytes_view request, const adapter* adapt, const subscriber_info&)>;
     using remover = std::function<bytes(bytes_view request, const adapter* adapt, const subscriber_info&)>;
@@ -94,7 +97,7 @@ private:
     subscriber_info take_out(remote_subscriber& who);
     void end_holding_up(time_point since);
     std::optional<published_packet> last_packet(bool as_object);
-    void end_too_slow(const std::vector<std::uint64_t>& numbers);
+    void end_too_slow();
 
     const packet_types& types_;
     std::list<remote_subscriber*> lingering_; // oldest first; before them, who leave it when they go

@@ -52,7 +52,7 @@ public:
         begin_ += head_bytes + front_size();
         if (--count_ > 0) return from;
         // A burst's room is given back when the queue has been emptied with little in it.
-        if (content_.capacity() > kept_bytes && begin_ < content_.capacity() / 8) content_ = buffer();
+        if (content_.capacity() > kept_bytes && begin_ < content_.capacity() / 16) content_ = buffer();
         content_.clear();
         begin_ = 0;
         return from;

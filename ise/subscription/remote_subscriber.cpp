@@ -247,16 +247,8 @@ bool remote_subscriber::offer(const published_packet& packet) {
     }
     // A publisher that waits asks for room before it knows how large the next packet is: that one may go beyond the
     // bytes.
-    while (beyond_ > 0 || full(policy_ == overflow::lossless ? 0 : size)) {
-        if (loses_nothing()) {
-            ++beyond_;
-            return !line_; // out of reach it is told when it comes back
-        }
-        auto& losses = group_.losses;
-        drop_oldest(queue_.size() < depth_             ? losses.too_many_bytes
-                    : policy_ == overflow::keep_latest ? losses.replaced
-                                                       : losses.overrun);
-    }
+    const auto more = policy_ == overflow::lossless ? 0 : size;
+    if ((beyond_ > 0 || full(more)) && !make_room(more)) return !line_; // out of reach it is told when it comes back
     const auto skipped = std::exchange(skipped_, 0);
     if (object) queue_.push(packet.object, packet.sequence, packet.published_at, packet.trace, skipped);
     else queue_.push(packet.frame, skipped, packet_frame::id_of(packet.frame.view().data()) == id_);
@@ -264,6 +256,20 @@ bool remote_subscriber::offer(const published_packet& packet) {
     line_->held_bytes() += size + send_queue::item_bytes;
     if (queue_.size() == 1) wake(); // else it is awake, or waits for credit
     if (policy_ == overflow::lossless && queue_.cost() >= written_at_once && may_send()) line_->wire().written_much();
+    return true;
+}
+
+// By its policy; where that is to lose nothing, the packet does not fit.
+bool remote_subscriber::make_room(std::size_t more) {
+    if (loses_nothing()) {
+        ++beyond_;
+        return false;
+    }
+    auto& losses = group_.losses;
+    while (full(more))
+        drop_oldest(queue_.size() < depth_             ? losses.too_many_bytes
+                    : policy_ == overflow::keep_latest ? losses.replaced
+                                                       : losses.overrun);
     return true;
 }
 

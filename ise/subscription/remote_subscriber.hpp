@@ -88,6 +88,7 @@ private:
     void forget_arrived();
     std::size_t held() const noexcept { return queue_.cost() + sent_packets_.cost(); }
     void put_alone(net::outbox& out);
+    bool make_room(std::size_t more);
     void drop_oldest(std::uint64_t& reason);
     bool full(std::size_t more) const noexcept;
     void put_object(net::outbox& out);

@@ -6,6 +6,17 @@
 
 namespace ise {
 
+void send_queue::begin_stretch(const shared_bytes& frame, std::uint32_t skipped, bool addressed) {
+    stretches_.push_back({frame, 1, skipped, addressed, {}, 0, {}, {}});
+}
+
+void send_queue::push(const shared_packet& object, std::uint64_t sequence, wall_time published_at,
+                      const trace_id& trace, std::uint32_t skipped) {
+    ++packets_;
+    cost_ += object.weight + item_bytes;
+    stretches_.push_back({{}, 1, skipped, false, object, sequence, published_at, trace});
+}
+
 send_queue::stretch send_queue::pop(std::size_t most) {
     auto& oldest = stretches_.front();
     stretch taken;

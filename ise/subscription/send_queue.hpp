@@ -43,7 +43,7 @@ public:
                 return;
             }
         }
-        stretches_.push_back({frame, 1, skipped, addressed, {}, 0, {}, {}});
+        begin_stretch(frame, skipped, addressed);
     }
     void push(stretch whole) {
         packets_ += whole.packets;
@@ -51,11 +51,7 @@ public:
         stretches_.push_back(std::move(whole));
     }
     void push(const shared_packet& object, std::uint64_t sequence, wall_time published_at, const trace_id& trace,
-              std::uint32_t skipped) {
-        ++packets_;
-        cost_ += object.weight + item_bytes;
-        stretches_.push_back({{}, 1, skipped, false, object, sequence, published_at, trace});
-    }
+              std::uint32_t skipped);
 
     /// The oldest; only where there is one.
     const stretch& front() const noexcept { return stretches_.front(); }
@@ -73,6 +69,8 @@ public:
     }
 
 private:
+    void begin_stretch(const shared_bytes& frame, std::uint32_t skipped, bool addressed);
+
     ring<stretch> stretches_;
     std::size_t packets_ = 0;
     std::size_t cost_ = 0;

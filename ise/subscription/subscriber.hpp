@@ -100,8 +100,7 @@ public:
 
 private:
     const std::shared_ptr<core>& held() const {
-        if (!core_)
-            throw error(errc::invalid_argument, "an empty subscription: assign what `subscribe(service)` gave first");
+        if (!core_) subscriber_core::throw_empty();
         return core_;
     }
 

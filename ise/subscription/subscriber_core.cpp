@@ -40,6 +40,10 @@ subscriber_core::subscriber_core(std::shared_ptr<subscription_owner> to, std::st
 
 subscriber_core::~subscriber_core() = default;
 
+void subscriber_core::throw_empty() {
+    throw error(errc::invalid_argument, "an empty subscription: assign what `subscribe(service)` gave first");
+}
+
 std::size_t subscriber_core::capacity() const noexcept {
     return options_.policy == overflow::keep_latest ? 1 : std::max<std::size_t>(options_.depth, 1);
 }
@@ -268,13 +272,11 @@ result<void> subscriber_core::on_packet(const packet_place& place, incoming_pack
     if (place.sequence == next_sequence_ && established_ && place.skipped == 0 && !adapter_ &&
         queue_.size() < capacity()) [[likely]] {
         ++next_sequence_;
-        keep(place, packet);
-        return {};
+    } else {
+        auto admitted = admit(place, packet);
+        if (!admitted) return admitted.error();
+        if (!*admitted) return {};
     }
-    return on_other_packet(place, packet);
-}
-
-void subscriber_core::keep(const packet_place& place, incoming_packet& packet) {
     packet_origin from;
     from.lost_before = std::exchange(lost_before_, 0);
     from.published_at = place.published_at;
@@ -282,26 +284,28 @@ void subscriber_core::keep(const packet_place& place, incoming_packet& packet) {
     if (place.trace) [[unlikely]]
         traced = {place.trace, on_.now()};
     const auto* trace = place.trace ? &traced : nullptr;
-    if (packet.object()) queue_.push(std::move(*packet.object()), from, trace);
+    if (packet.object() && !packet.adapt) queue_.push(std::move(*packet.object()), from, trace);
     else queue_.push(packet.bytes(), from, trace);
     ++counts_.received;
     ++owner_->runtime().counts().packets_received;
     packet_.resume();
+    return {};
 }
 
-result<void> subscriber_core::on_other_packet(const packet_place& place, incoming_packet& packet) {
+// One that is not as the rule says: whether it is kept.
+result<bool> subscriber_core::admit(const packet_place& place, incoming_packet& packet) {
     const auto sequence = place.sequence;
     const auto skipped = place.skipped;
     if (!established_) {
         while (!held_.hold(place, packet)) {
-            if (held_.size() == 0) return {}; // it is larger than all that may be held
+            if (held_.size() == 0) return false; // it is larger than all that may be held
             held_.drop_oldest();
         }
-        return {};
+        return false;
     }
     if (sequence < next_sequence_ && session_ && session_->over().wire().lossy()) {
         ++counts_.late;
-        return {};
+        return false;
     }
     if (sequence < next_sequence_)
         return failure(errc::protocol_error,
@@ -316,7 +320,7 @@ result<void> subscriber_core::on_other_packet(const packet_place& place, incomin
     if (lost > 0 && options_.policy == overflow::lossless) { // such as one that is too large for this side
         end_here(failure(errc::overloaded,
                          fmt::format("{} packets of '{}' from {} were lost", lost, service_, owner_->name())));
-        return {};
+        return false;
     }
 
     if (queue_.size() >= capacity()) {
@@ -324,26 +328,22 @@ result<void> subscriber_core::on_other_packet(const packet_place& place, incomin
             // Lossless: the provider sent more than the credit it was given.
             end_here(failure(errc::overloaded,
                              fmt::format("{} packets of '{}' were not taken in time", queue_.size(), service_)));
-            return {};
+            return false;
         }
         drop_oldest();
         ++counts_.lost_here;
         ++owner_->runtime().counts().packets_lost;
     }
-    if (adapter_) { // now, as the next session may have another one
-        try {
-            packet.adapt = adapter_.get();
-            incoming_packet adapted(packet.bytes(), nullptr);
-            keep(place, adapted);
-        } catch (const error& unreadable) {
-            count_undecodable(unreadable);
-            lost_before_ = gap_of(lost_before_, 1);
-            return {};
-        }
-    } else {
-        keep(place, packet);
+    if (!adapter_) return true;
+    try { // now, as the next session may have another one
+        packet.adapt = adapter_.get();
+        packet.bytes();
+        return true;
+    } catch (const error& unreadable) {
+        count_undecodable(unreadable);
+        lost_before_ = gap_of(lost_before_, 1);
+        return false;
     }
-    return {};
 }
 
 void subscriber_core::drop_oldest() { gap_ = gap_of(gap_of(gap_, queue_.pop().lost_before), 1); }

@@ -140,6 +140,9 @@ public:
     /// Whether packets can come now.
     bool connected() const noexcept { return established_; }
 
+    /// What functions of a subscription that is none throw.
+    [[noreturn]] static void throw_empty();
+
     // For sessions and links.
     wire::subscribe terms() const;
     /// The unsubscribe packet: the user's own, if there is one, with its defaults.
@@ -182,8 +185,7 @@ protected:
     receive_queue queue_; // in this side's layout
 
 private:
-    result<void> on_other_packet(const packet_place& place, incoming_packet& packet);
-    void keep(const packet_place& place, incoming_packet& packet);
+    result<bool> admit(const packet_place& place, incoming_packet& packet);
     void follow_trace();
     void finish(failure why);
     void drop_oldest();

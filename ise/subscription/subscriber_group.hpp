@@ -25,7 +25,6 @@ struct subscriber_info {
 struct published_packet {
     shared_bytes frame;
     shared_packet object;
-    bool has_frame = false;
     std::uint64_t sequence = 0;
     wall_time published_at{};
     trace_id trace;

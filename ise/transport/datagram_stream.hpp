@@ -14,8 +14,6 @@ public:
     public:
         /// Something came, be it only an ack: the peer is there.
         virtual void on_heard() = 0;
-        /// What came of the stream, in order. Called inside a turn of the loop.
-        virtual void on_content(bytes_view content) = 0;
         /// A message came: header and body of a frame. Called inside a turn of the loop.
         virtual void on_message(bytes_view message) = 0;
         /// The peer is there, but busy: its node says so.
@@ -27,8 +25,9 @@ public:
         ~user() = default;
     };
 
-    /// From now on messages are taken, and what comes of the stream goes to `receiver`, which takes all of it;
-    /// `read_some` only completes with the end. Called inside a turn; what is there already is handed over at once.
+    /// From now on `receiver` gets the messages. What comes of the stream goes to the reader of `deliver_to`, if there
+    /// is one: what is there already within this call, and `read_some` only completes with the end. Called inside a
+    /// turn.
     virtual void use(std::weak_ptr<user> receiver) = 0;
     /// Tells the peer that this side is there, but busy. From any thread, while the stream is open; false: not now.
     virtual bool show_sign() noexcept = 0;

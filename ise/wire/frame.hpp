@@ -135,14 +135,20 @@ struct request_head {
                                          (number != 0 ? flag::numbered : 0));
     }
     void put(buffer& out) const {
-        out.append(service);
-        out.append(time_ns);
+        std::byte* at = out.grow(size(flags()));
+        detail::store_little(at, service);
+        set_time(at, time_ns);
+        at += min_size;
         if (trace != 0) {
-            out.append(trace);
-            out.append(parent);
-            if (high != 0) out.append(high);
+            detail::store_little(at, trace);
+            detail::store_little(at + 8, parent);
+            at += 16;
+            if (high != 0) {
+                detail::store_little(at, high);
+                at += 8;
+            }
         }
-        if (number != 0) out.append(number);
+        if (number != 0) detail::store_little(at, number);
     }
     /// Nothing where the body is too short for what its flags say.
     static std::optional<request_head> read(std::uint8_t flags, bytes_view body) noexcept {

@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstring>
+#include <utility>
 
 namespace ise::wire {
 namespace {
@@ -11,6 +11,8 @@ namespace {
 // An idle connection reads heartbeats only.
 constexpr std::size_t first_room = 32;
 constexpr std::size_t max_room = 256 * 1024;
+// About one heartbeat a second: an idle connection has let go of a burst's buffer within a minute.
+constexpr unsigned small_reads_before_shrinking = 16;
 
 } // namespace
 
@@ -45,26 +47,40 @@ std::string_view name_of(frame_type type) noexcept {
 }
 
 std::span<std::byte> parser::prepare() {
-    // What is left of the last read moves to the front; it is less than a frame.
-    const std::size_t used = end_;
-    const bool filled = used == storage_.size(); // the last read filled its room: this one gets more
-    if (begin_ > 0) {
-        std::memmove(storage_.data(), storage_.data() + begin_, end_ - begin_);
-        end_ -= begin_;
-        begin_ = 0;
-    }
-    small_reads_ = used < storage_.size() / 8 ? small_reads_ + 1 : 0;
-    if (end_ == 0 && storage_.size() > first_room && small_reads_ >= small_reads_before_shrinking) {
-        storage_ = std::vector<std::byte>(std::max(storage_.size() / 8, first_room));
+    const std::size_t used = storage_.size();
+    const bool filled = used == room_; // the last read filled its room: this one gets more
+    drop_taken();
+    small_reads_ = used < room_ / 8 ? small_reads_ + 1 : 0;
+    if (storage_.empty() && room_ > first_room && small_reads_ >= small_reads_before_shrinking) {
+        room_ = std::max(room_ / 8, first_room);
+        storage_ = buffer(room_);
         small_reads_ = 0;
     }
-    std::size_t wanted = storage_.empty() ? first_room : storage_.size();
-    if (end_ >= frame_header::size) // a length beyond the limit is next()'s to refuse
+    std::size_t wanted = std::max(room_, first_room);
+    if (storage_.size() >= frame_header::size) // a length beyond the limit is next()'s to refuse
         wanted = std::max<std::size_t>(wanted, frame_header::size +
                                                    std::min(read_header(storage_.data()).length, max_frame_bytes_));
-    if (filled && storage_.size() < max_room) wanted = std::max(wanted, storage_.size() * 4);
-    if (wanted > storage_.size()) storage_.resize(wanted);
-    return std::span(storage_).subspan(end_);
+    if (filled && room_ < max_room) wanted = std::max(wanted, room_ * 4);
+    storage_.reserve(wanted);
+    room_ = wanted; // the buffer may have more
+    return {storage_.data() + storage_.size(), room_ - storage_.size()};
+}
+
+void parser::add(buffer& content) {
+    if (pending() == 0) {
+        storage_ = std::move(content); // they change places
+        begin_ = 0;
+    } else {
+        drop_taken();
+        storage_.append(content.view());
+    }
+    room_ = storage_.capacity();
+    content.recycle();
+}
+
+// What is left of the last read moves to the front; it is less than a frame.
+void parser::drop_taken() noexcept {
+    if (begin_ > 0) storage_.drop_front(std::exchange(begin_, 0));
 }
 
 failure parser::refuse(const frame_header& header) const {

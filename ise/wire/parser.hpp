@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/core/buffer.hpp>
 #include <ise/core/result.hpp>
 #include <ise/wire/frame.hpp>
 
@@ -8,8 +9,8 @@
 namespace ise::wire {
 
 /// Cuts a stream of bytes into frames, without I/O. Its buffer grows with what comes and shrinks again when little
-/// does. Bytes are read straight into it:
-/// `prepare()`, read, `commit(n)`, then `next()` until it has nothing more. Bytes may come in pieces of any size.
+/// does. Bytes are read straight into it (`prepare()`, read, `commit(n)`), or come as a whole buffer (`add`); then
+/// `next()` until it has nothing more. Bytes may come in pieces of any size.
 class parser {
 public:
     /// `limit`: the name of that limit, a literal, for the error beyond it.
@@ -18,9 +19,11 @@ public:
 
     /// Room for the next read: as much as a started frame still needs, or a read of ordinary size.
     std::span<std::byte> prepare();
-    void commit(std::size_t count) noexcept { end_ += count; }
+    void commit(std::size_t count) { storage_.grow(count); }
+    /// Takes over a buffer of bytes, and leaves an empty one in its place.
+    void add(buffer& content);
 
-    /// The next whole frame, or nothing. Its body stays valid until the next `prepare()`.
+    /// The next whole frame, or nothing. Its body stays valid until the next `prepare()` or `add`.
     /// errc::protocol_error or errc::too_large end the stream: nothing after it can be trusted.
     result<std::optional<frame>> next() {
         frame found;
@@ -32,20 +35,14 @@ public:
     /// The next frame where it is whole and sound; where not, `sound()` says whether more bytes make it one. For many
     /// in a row.
     bool take(frame& found) noexcept {
-        bytes_view rest(storage_.data() + begin_, end_ - begin_);
-        if (!take(found, rest)) return false;
-        begin_ = end_ - rest.size();
-        return true;
-    }
-    /// The same where the bytes lie elsewhere; what is left in `from` in the end goes into `prepare()`.
-    bool take(frame& found, bytes_view& from) const noexcept {
-        if (from.size() < frame_header::size) return false;
-        found.header = read_header(from.data());
+        if (pending() < frame_header::size) return false;
+        const std::byte* at = storage_.data() + begin_;
+        found.header = read_header(at);
         const std::size_t whole = frame_header::size + found.header.length;
-        if (!sound(found.header) || from.size() < whole) [[unlikely]]
+        if (!sound(found.header) || pending() < whole) [[unlikely]]
             return false;
-        found.body = from.subspan(frame_header::size, found.header.length);
-        from = from.subspan(whole);
+        found.body = {at + frame_header::size, found.header.length};
+        begin_ += whole;
         return true;
     }
 
@@ -57,19 +54,13 @@ public:
     failure refusal() const { return refuse(read_header(storage_.data() + begin_)); }
 
     /// Bytes received that make no whole frame yet.
-    std::size_t pending() const noexcept { return end_ - begin_; }
-    std::size_t capacity() const noexcept { return storage_.size(); }
+    std::size_t pending() const noexcept { return storage_.size() - begin_; }
+    std::size_t capacity() const noexcept { return storage_.capacity(); }
     /// Gives its buffer back, unless something is pending.
     void release() noexcept {
         if (pending() > 0) return;
-        storage_ = std::vector<std::byte>();
-        begin_ = end_ = 0;
-    }
-    /// What came did not need it: a few times in a row, and it gives its buffer back.
-    void rest() noexcept {
-        if (storage_.empty() || ++small_reads_ < small_reads_before_shrinking) return;
-        small_reads_ = 0;
-        release();
+        storage_ = buffer();
+        begin_ = room_ = 0;
     }
     void set_max_frame_bytes(std::uint32_t bytes) noexcept {
         limit_ = "max_frame_bytes";
@@ -77,9 +68,6 @@ public:
     }
 
 private:
-    // About one heartbeat a second: an idle connection has let go of a burst's buffer within a minute.
-    static constexpr unsigned small_reads_before_shrinking = 16;
-
     bool sound(const frame_header& header) const noexcept {
         // Types up to this are known or negotiated; what is above, or 0, cannot be a frame of ISE.
         constexpr unsigned last_type = 127;
@@ -87,10 +75,11 @@ private:
                static_cast<unsigned>(header.type) - 1 < last_type;
     }
     failure refuse(const frame_header& header) const;
+    void drop_taken() noexcept;
 
-    std::vector<std::byte> storage_;
-    std::size_t begin_ = 0;
-    std::size_t end_ = 0;
+    buffer storage_;
+    std::size_t begin_ = 0;    // what lies before was taken
+    std::size_t room_ = 0;     // of the buffer, for reads
     unsigned small_reads_ = 0; // in a row
     const char* limit_;
     std::uint32_t max_frame_bytes_;

@@ -35,6 +35,7 @@ public:
         auto* datagrams = dynamic_cast<ise::net::datagram_stream*>(line_.get());
         if (datagrams && reads) {
             ise::loop::turn in(on);
+            line_->deliver_to(*inbox_);
             datagrams->use(std::shared_ptr<inbox>(inbox_));
         }
         if (datagrams) reading_ = start(on, wait_for_end(*this));
@@ -145,18 +146,14 @@ private:
         }
     }
     // What comes over a channel.
-    struct inbox final : ise::net::datagram_stream::user {
+    struct inbox final : ise::net::datagram_stream::user, ise::stream_reader {
         explicit inbox(raw_peer& to) : self(to) {}
         void on_heard() override {}
-        void on_content(ise::bytes_view content) override {
-            while (!content.empty()) {
-                auto room = self.parser_.prepare();
-                auto count = std::min(room.size(), content.size());
-                std::memcpy(room.data(), content.data(), count);
-                content = content.subspan(count);
-                self.take(count);
-            }
+        asio::mutable_buffer room() noexcept override {
+            auto room = self.parser_.prepare();
+            return asio::buffer(room.data(), room.size());
         }
+        void on_bytes(const ise::transfer& got) override { self.take(got.bytes); }
         void on_message(ise::bytes_view message) override {
             auto body = message.subspan(ise::wire::frame_header::size);
             self.got.push_back({ise::wire::read_header(message.data()), ise::bytes(body.begin(), body.end())});

@@ -44,18 +44,19 @@ association::association(loop& on, std::shared_ptr<association_port> of, std::ui
 
 void association::use(std::weak_ptr<datagram_stream::user> receiver) {
     user_ = std::move(receiver);
-    used_ = true;
     channel_.take_messages();
-    if (auto to = user_.lock()) hand_over(*to);
+    if (auto held = user_.lock()) hand_over();
 }
 
 // It may leave while it takes.
-void association::hand_over(datagram_stream::user& receiver) {
+void association::hand_over() {
     auto& in = channel_.in();
-    if (in.readable()) {
-        const auto content = in.ready();
-        receiver.on_content(content);
-        in.consume(content.size());
+    while (!left_ && reader_ && in.readable()) {
+        const auto room = reader_->room();
+        if (room.size() == 0) return;
+        transfer got;
+        got.bytes = in.read(std::span(static_cast<std::byte*>(room.data()), room.size()));
+        reader_->on_bytes(got);
     }
     if (!gone_ && in.room_grew()) soon(); // the peer may send more
 }
@@ -165,7 +166,7 @@ void association::take(const endpoint& from, bytes_view body) {
         receiver->on_heard();
         for (const auto& message : happened.messages)
             if (!left_) receiver->on_message(message);
-        if (!left_) hand_over(*receiver);
+        if (!left_) hand_over();
     }
     if (channel_.in().readable() || channel_.in().ended()) readable_.resume();
     if (gone_) return;
@@ -275,7 +276,7 @@ std::optional<transfer> association::read(asio::mutable_buffer into) {
     }
     // Who is handed what comes has not kept `into`: what a datagram left that broke a rule comes with the next good
     // one.
-    if (!used_) got.bytes = channel_.in().read(std::span(static_cast<std::byte*>(into.data()), into.size()));
+    if (!reader_) got.bytes = channel_.in().read(std::span(static_cast<std::byte*>(into.data()), into.size()));
     if (got.bytes > 0) {
         if (!gone_ && channel_.in().room_grew()) soon(); // the peer may send more
         return got;

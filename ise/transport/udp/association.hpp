@@ -76,6 +76,7 @@ public:
     const std::optional<failure>& verdict() const noexcept { return verdict_; }
     /// Whom the peer's certificate is about; null: it has shown none.
     const tls::subject* shown() const noexcept { return seal_ ? seal_->shown() : nullptr; }
+    void deliver_to(stream_reader& reader) noexcept { reader_ = &reader; }
     void use(std::weak_ptr<datagram_stream::user> receiver);
     /// Nothing: it is to be waited for.
     std::optional<transfer> read(asio::mutable_buffer into);
@@ -112,7 +113,7 @@ private:
     void fail(const failure& why);
     void turn_away(bytes_view body);
     void on_timer();
-    void hand_over(datagram_stream::user& receiver);
+    void hand_over();
     void rearm();
     void follow(const endpoint& from, const channel::events& happened);
     void send_probe(const endpoint& to, wire::chunk_type type, std::uint64_t value);
@@ -133,15 +134,15 @@ private:
     time_point flight_at_ = time_point::max();
     duration flight_pause_{};
     udp::channel channel_;
-    std::optional<candidate> candidate_; // an address that the peer seems to have moved to
-    std::weak_ptr<datagram_stream::user> user_;
+    std::optional<candidate> candidate_;        // an address that the peer seems to have moved to
+    std::weak_ptr<datagram_stream::user> user_; // lives as long as `reader_`
+    stream_reader* reader_ = nullptr;           // what comes is handed over; null: it is read
     timer timer_;
     waiter<> readable_;
     waiter<> writable_;
     std::optional<time_point> drain_until_;
     bool room_asked_ = false;
     bool cancelled_ = false;
-    bool used_ = false; // what comes is handed over
     bool left_ = false; // by its user
     bool gone_ = false; // no datagram leads anywhere
 };

@@ -40,15 +40,15 @@ public:
 
     std::size_t read(std::span<std::byte> into);
     bool readable() const noexcept { return upto_ > base_; }
-    /// What lies there in order; until it is consumed, or more is taken.
-    bytes_view ready() const noexcept {
-        return bytes_view(buffer_).subspan(head_, static_cast<std::size_t>(upto_ - base_));
-    }
-    void consume(std::size_t count);
     /// Everything was read, and nothing follows.
     bool ended() const noexcept { return end_ && base_ == *end_; }
 
 private:
+    // What lies there in order.
+    bytes_view ready() const noexcept {
+        return bytes_view(buffer_).subspan(head_, static_cast<std::size_t>(upto_ - base_));
+    }
+    void consume(std::size_t count);
     std::uint64_t room() const noexcept { return base_ + window_; }
     void put_runs(wire::data_writer& out, bool alone, time_point now) const;
 

@@ -28,6 +28,10 @@ public:
         : over_(std::move(over)), pumped_(std::move(pumped)), peer_(over_->peer().text()) {}
     ~stream_end() override { over_->leave(); }
 
+    bool deliver_to(stream_reader& reader) override {
+        over_->deliver_to(reader);
+        return true;
+    }
     task<transfer> read_some(asio::mutable_buffer into) override {
         return pumped_ ? read_socket(over_, pumped_, into) : read(over_, into);
     }

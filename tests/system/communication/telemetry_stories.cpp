@@ -1,5 +1,7 @@
 #include "shore.hpp"
 
+#include <ise/component/introspection.hpp>
+
 #include <components/communication_node/services.hpp>
 #include <components/web_server/web_component.hpp>
 

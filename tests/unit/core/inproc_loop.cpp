@@ -50,8 +50,8 @@ struct output final : ise::flushable {
 struct taker final : ise::object_stream::user {
     std::string got;
     std::function<void()> meanwhile = [] {};
-    void on_passed(ise::bytes_view content, ise::ring<ise::passed_object>&) override {
-        got += ise::as_text(content);
+    void on_passed(ise::buffer& content, ise::ring<ise::passed_object>&) override {
+        got += ise::as_text(content.view());
         meanwhile();
         got += '|';
     }

@@ -4,6 +4,7 @@
 #include <ise/core/sleep.hpp>
 #include <ise/name_server/etcd_store.hpp>
 
+#include <asio/buffer.hpp>
 #include <fmt/format.h>
 
 #include <array>

@@ -1,5 +1,7 @@
 #include "system.hpp"
 
+#include <ise/component/introspection.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>

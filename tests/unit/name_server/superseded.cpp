@@ -1,6 +1,7 @@
 // Who was cut off while another was granted its name: withdraws within a lease period of contact.
 #include "system.hpp"
 
+#include <ise/component/introspection.hpp>
 #include <ise/service/service_host.hpp>
 #include <ise/service/session.hpp>
 

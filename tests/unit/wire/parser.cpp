@@ -74,16 +74,47 @@ TEST_CASE("every prefix of a stream gives the frames that are whole in it") {
     }
 }
 
-TEST_CASE("a buffer that nothing needs any more is given back, unless a part of a frame lies in it") {
+TEST_CASE("a buffer that little is read into shrinks, and one without a part of a frame is given back") {
     parser in(1 << 20);
     feed(in, frames_of({200'000}), 1000);
     REQUIRE(in.capacity() >= 200'000);
-    for (int i = 0; i < 100; ++i) in.rest();
+    const auto whole = frames_of({7});
+    for (int i = 0; i < 100; ++i) feed(in, whole, 1000);
+    CHECK(in.capacity() < 1000);
+    feed(in, ise::bytes_view(whole).first(whole.size() - 1), 1000);
+    in.release();
+    CHECK(feed(in, ise::bytes_view(whole).last(1), 1) == std::vector<std::size_t>{7});
+    in.release();
     CHECK(in.capacity() == 0);
-    const auto raw = frames_of({7});
-    feed(in, ise::bytes_view(raw).first(raw.size() - 1), 1000);
-    for (int i = 0; i < 100; ++i) in.rest();
-    CHECK(feed(in, ise::bytes_view(raw).last(1), 1) == std::vector<std::size_t>{7});
+}
+
+TEST_CASE("a whole buffer is taken over, behind a part of a frame that lies there") {
+    parser in(1 << 20);
+    const auto raw = frames_of({300, 20});
+    const auto frame = raw.size() - frame_header::size - 20;
+    for (std::size_t first : {std::size_t{0}, std::size_t{1}, frame, frame + 5, raw.size()}) {
+        if (first > 0) {
+            auto room = in.prepare();
+            while (in.pending() < first) {
+                const auto count = std::min(room.size(), first - in.pending());
+                std::memcpy(room.data(), raw.data() + in.pending(), count);
+                in.commit(count);
+                room = in.prepare();
+            }
+        }
+        ise::buffer rest;
+        rest.append(ise::bytes_view(raw).subspan(first));
+        in.add(rest);
+        CHECK(rest.empty());
+        for (std::size_t size : {300u, 20u}) {
+            auto found = in.next();
+            REQUIRE(found);
+            REQUIRE(*found);
+            CHECK((*found)->body.size() == size);
+            CHECK((*found)->body.back() == static_cast<std::byte>((*found)->header.id + size - 1));
+        }
+        CHECK(in.pending() == 0);
+    }
 }
 
 TEST_CASE("a frame beyond the limit is refused before anything is allocated for it") {
