@@ -282,19 +282,19 @@ task<result<std::vector<store_outcome>>> shared_names::commit(std::vector<store_
 std::vector<std::shared_ptr<shared_names::queued_write>> shared_names::next_group() {
     std::vector<std::shared_ptr<queued_write>> group;
     std::set<std::string, std::less<>> keys;
-    std::size_t bytes = 0;
+    std::size_t total = 0;
     for (auto next = queue_.begin(); next != queue_.end() && keys.size() < name_store::max_steps;) {
         const auto& steps = (*next)->steps;
         std::size_t size = 0;
         for (const auto& one : steps) size += one.key.size() + one.value.size();
-        const bool fits = keys.size() + steps.size() <= name_store::max_steps && bytes + size <= max_group_bytes &&
+        const bool fits = keys.size() + steps.size() <= name_store::max_steps && total + size <= max_group_bytes &&
                           std::ranges::none_of(steps, [&](const auto& one) { return keys.contains(one.key); });
         if (!fits && !group.empty()) {
             ++next;
             continue;
         }
         for (const auto& one : steps) keys.insert(one.key);
-        bytes += size;
+        total += size;
         group.push_back(*next);
         next = queue_.erase(next);
     }
