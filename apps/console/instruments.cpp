@@ -131,9 +131,8 @@ void actuator_gauge::paintEvent(QPaintEvent*) {
     QPainter to(this);
     const auto& t = colours();
     auto box = draw_card(to, *this, how_);
-    to.setFont(font_of(smallest_text, QFont::DemiBold));
-    to.setPen(t.ink3);
-    to.drawText(QRectF(9, 3, 80, 17), Qt::AlignLeft | Qt::AlignVCenter, label_);
+    const QRectF line(9, 3, box.width() - 18, 17);
+    double left = line.width(); // for the label
     QRectF bar(10, box.height() - 17, box.width() - 20, 7);
     to.setPen(Qt::NoPen);
     to.setBrush(t.line);
@@ -152,9 +151,16 @@ void actuator_gauge::paintEvent(QPaintEvent*) {
             QPolygonF({{wanted, bar.top() - 1}, {wanted - 4.5, bar.top() - 8}, {wanted + 4.5, bar.top() - 8}}));
         to.setFont(font_of(11, QFont::DemiBold));
         to.setPen(t.ink_of(how_));
-        auto words = QStringLiteral("%1→%2°").arg(whole(actual_), whole(commanded_));
-        to.drawText(QRectF(9, 3, box.width() - 18, 17), Qt::AlignRight | Qt::AlignVCenter, words);
+        auto words = whole(actual_) + QStringLiteral("°");
+        if (whole(commanded_) != whole(actual_))
+            words = QStringLiteral("%1→%2°").arg(whole(actual_), whole(commanded_));
+        to.drawText(line, Qt::AlignRight | Qt::AlignVCenter, words);
+        left -= to.fontMetrics().horizontalAdvance(words) + 4;
     }
+    to.setFont(font_of(smallest_text, QFont::DemiBold));
+    to.setPen(t.ink3);
+    to.drawText(line, Qt::AlignLeft | Qt::AlignVCenter,
+                to.fontMetrics().elidedText(label_, Qt::ElideRight, static_cast<int>(left)));
     to.setPen(QPen(t.ink3, 1));
     to.drawLine(QPointF(zero, bar.top() - 1), QPointF(zero, bar.bottom() + 2));
 }
