@@ -9,7 +9,7 @@ class mutable_buffer;
 
 namespace ise::detail {
 
-/// What those functions do that take a completion token or an executor; <ise/asio.hpp> defines it.
+/// The part of functions with a completion token or an executor that needs Asio; <ise/asio.hpp> defines it.
 template <class Given>
 struct asio_edge;
 

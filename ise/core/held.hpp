@@ -5,7 +5,7 @@
 
 namespace ise {
 
-/// What those who use it on its loop keep alive. They have one share of it together: each of them costs an ordinary
+/// Kept alive by those who use it on its loop. They have one share of it together: each of them costs an ordinary
 /// count, where a share of its own would cost two locked instructions.
 class holdable {
 public:

@@ -28,7 +28,7 @@ protected:
     ~cancellable_call();
 };
 
-/// What lies in that slot, perhaps for longer than the call.
+/// The handler in that slot; it may outlive the call.
 struct slot_cancellation {
     explicit slot_cancellation(cancellable_call& of) noexcept : call(&of) { of.slot = this; }
     slot_cancellation(const slot_cancellation&) = delete;
