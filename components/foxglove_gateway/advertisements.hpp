@@ -16,7 +16,7 @@ namespace ise::foxglove {
 template <class Entry, class Info>
 class advertisements {
 public:
-    using write_added = std::string (*)(const std::vector<const Info*>&);         ///< the message that tells of these
+    using write_added = std::string (*)(const std::vector<const Info*>&);         ///< the message that adds them
     using write_removed = std::string (*)(const std::vector<std::uint32_t>& ids); ///< the message that takes them back
     advertisements(write_added added, write_removed removed) : write_added_(added), write_removed_(removed) {}
 

@@ -18,7 +18,7 @@ struct channel_message {
     std::string payload;
 };
 
-/// What a message of a channel is to a viewer that has not taken the one before it.
+/// How a message of a channel relates to the one before it that a viewer has not taken yet.
 enum class channel_kind : std::uint8_t {
     state, ///< replaces it: the newest `depth` are kept
     events ///< comes beside it: up to `max_events` are kept

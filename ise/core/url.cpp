@@ -106,7 +106,7 @@ bool names_several_hosts(std::string_view url) {
     return url.starts_with("postgresql://") || url.starts_with("postgres://");
 }
 
-// What libpq makes of %2F in a value; nothing: it would refuse it.
+// Decodes %2F in a value as libpq does; nothing: libpq would refuse it.
 std::optional<std::string> decoded(std::string_view value) {
     std::string made;
     for (std::size_t at = 0; at != value.size(); ++at) {

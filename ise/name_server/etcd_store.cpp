@@ -63,7 +63,7 @@ std::string first_line(std::string_view text) {
     return printable;
 }
 
-// What an answer that is no success says. Of a stream, such as the renewal of a lease, the error is an object.
+// The message of an error. In the answer of a stream, such as the renewal of a lease, the error is an object.
 std::string words_of(const std::string& answer) {
     auto parsed = json::parse(answer, nullptr, false);
     auto found = parsed.is_object() ? parsed.find("error") : parsed.end();

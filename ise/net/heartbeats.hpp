@@ -75,7 +75,7 @@ public:
         return same_ ? duration{} : (high_ - low_) / 2 + (now - taken_) / steadiness;
     }
 
-    /// What is added to a deadline of ours so that it is one of the peer's clock: not later, and by up to twice the
+    /// Added to a deadline by our clock, it gives one by the peer's: not later, and by up to twice the
     /// uncertainty earlier. That is a round trip: of a deadline that is closer no answer would come in time.
     duration ahead(time_point now) const noexcept { return (low_ + high_) / 2 - uncertainty(now); }
 

@@ -236,7 +236,7 @@ private:
     };
     bool may_begin(const big_messages& among, const big_message& one) const noexcept;
 
-    /// How the time of a request is told when it is written.
+    /// With which a request's deadline is put into the peer's clock when it is written.
     struct request_times {
         time_point now;
         bool until = false; ///< as one of the peer's clock, which is `ahead`; else as what remains

@@ -27,14 +27,14 @@ public:
     members_and_client() {
         for (const char* name : {"a", "b"})
             world.host(name).start_process("etcd", [this, name = std::string(name)](ise::sim::process& env) {
-                return with_node(env, [this, name](ise::component& self) { return serve(self, name); });
+                return lone_program(env, [this, name](ise::component& self) { return serve(self, name); });
             });
     }
 
     void ask(const questions& all, const std::string& user = {}) {
         bool done = false;
         world.host("client").start_process("names", [&](ise::sim::process& env) {
-            return with_node(env, [&, user](ise::component& self) -> ise::task<> {
+            return lone_program(env, [&, user](ise::component& self) -> ise::task<> {
                 ise::etcd_options options;
                 options.members = ise::parse_etcd_members("etcd://a:2379,b:2379").value();
                 options.user = user;
@@ -53,15 +53,6 @@ public:
     ise::sim::world world{3};
 
 private:
-    static std::shared_ptr<program> with_node(ise::sim::process& env, body run) {
-        auto options = node_options();
-        options.use_names = false;
-        auto made = std::make_shared<program>(env, std::move(options));
-        ise::component_options silent;
-        silent.listens = false;
-        made->node.start("", std::move(run), std::move(silent));
-        return made;
-    }
     ise::task<> serve(ise::component& self, std::string name) {
         auto at = ise::endpoint::parse("tcp://0.0.0.0:2379").value();
         auto listening = at.kind->listen(self.on(), at, ise::security()).value();

@@ -45,14 +45,14 @@ public:
         give("boat", of_member);
         give("shore", of_client);
         world.host("boat").start_process("etcd", [this](ise::sim::process& env) {
-            return with_node(env, [this](ise::component& self) { return serve(self); });
+            return lone_program(env, [this](ise::component& self) { return serve(self); });
         });
     }
 
     ise::result<void> probe(const identity_files& files, const std::string& user = {}) {
         std::optional<ise::result<void>> answer;
         world.host("shore").start_process("names", [&](ise::sim::process& env) {
-            return with_node(env, [&, files, user](ise::component& self) -> ise::task<> {
+            return lone_program(env, [&, files, user](ise::component& self) -> ise::task<> {
                 ise::etcd_options options;
                 options.members = ise::parse_etcd_members("etcds://boat:2379").value();
                 options.tls = identity::load(self.env(), files).value();
@@ -74,15 +74,6 @@ private:
     void give(const std::string& host, const std::filesystem::path& folder) {
         for (const char* file : {"ca.pem", "certificate.pem", "key.pem"})
             world.host(host).write_file(std::string("tls/") + file, read_all(folder / file));
-    }
-    static std::shared_ptr<program> with_node(ise::sim::process& env, body run) {
-        auto options = node_options();
-        options.use_names = false;
-        auto made = std::make_shared<program>(env, std::move(options));
-        ise::component_options silent;
-        silent.listens = false;
-        made->node.start("", std::move(run), std::move(silent));
-        return made;
     }
     ise::task<> serve(ise::component& self) {
         auto at = ise::endpoint::parse("tls://0.0.0.0:2379").value();

@@ -62,6 +62,17 @@ struct program {
 
 using body = std::function<ise::task<>(ise::component&)>;
 
+/// A process that runs `run` and nothing else: nobody finds it, it listens nowhere and asks no name server.
+inline std::shared_ptr<program> lone_program(ise::sim::process& env, body run) {
+    auto options = node_options();
+    options.use_names = false;
+    auto made = std::make_shared<program>(env, std::move(options));
+    ise::component_options silent;
+    silent.listens = false;
+    made->node.start("", std::move(run), std::move(silent));
+    return made;
+}
+
 class system {
 public:
     explicit system(bool fresh = true, std::uint64_t seed = 1, ise::registry_limits limits = ise::registry_limits(),
