@@ -2,6 +2,7 @@
 
 #include <ise/access/guard.hpp>
 #include <ise/call/call_tap.hpp>
+#include <ise/service/run_tap.hpp>
 #include <ise/session/tracer.hpp>
 
 #include <fmt/format.h>
