@@ -2,6 +2,7 @@
 #include "collector.hpp"
 #include "programs.hpp"
 
+#include <ise/asio.hpp>
 #include <ise/naming/name_servers.hpp>
 #include <ise/naming/services.hpp>
 #include <ise/service/service_host.hpp>
