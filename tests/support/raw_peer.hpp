@@ -153,7 +153,7 @@ private:
             auto room = self.parser_.prepare();
             return asio::buffer(room.data(), room.size());
         }
-        void on_bytes(const ise::transfer& got) override { self.take(got.bytes); }
+        void on_bytes(const ise::transfer& read) override { self.take(read.bytes); }
         void on_message(ise::bytes_view message) override {
             auto body = message.subspan(ise::wire::frame_header::size);
             self.got.push_back({ise::wire::read_header(message.data()), ise::bytes(body.begin(), body.end())});

@@ -399,8 +399,8 @@ TEST_CASE("communication: a page that follows the role shows each link, and whic
     });
     auto feed = [&](const std::string& source) -> nlohmann::json {
         auto state = nlohmann::json::parse(page->state().snapshot({}, {}).data)["state"];
-        for (auto& one : state["feeds"])
-            if (one["source"] == source) return one;
+        for (auto& each : state["feeds"])
+            if (each["source"] == source) return each;
         return {{"connected", nullptr}};
     };
     auto heard = [&](const std::string& source) {

@@ -93,7 +93,7 @@ TEST_CASE(
     auto asked = [&] {
         auto seen = anna->latest();
         return std::ranges::any_of(seen->alarms,
-                                   [](const auto& one) { return one.key == "authority:asked" && !one.over_at; });
+                                   [](const auto& alarm) { return alarm.key == "authority:asked" && !alarm.over_at; });
     };
     REQUIRE(it.until(asked));
     change.request.action = hand_over;
@@ -108,7 +108,7 @@ TEST_CASE(
     REQUIRE(it.until([&] { return last_of(*ben->latest())->phase == command_phase::done; }, 2min));
     auto lost = [&] {
         auto seen = anna->latest();
-        return std::ranges::any_of(seen->alarms, [](const auto& one) { return one.key == "node:shore/one"; });
+        return std::ranges::any_of(seen->alarms, [](const auto& alarm) { return alarm.key == "node:shore/one"; });
     };
     REQUIRE(it.until(lost, 1min));
     it.start_node(one);
@@ -120,7 +120,7 @@ TEST_CASE(
     auto a = *anna->latest(), b = *ben->latest();
     auto given = [](const snapshot& seen) {
         auto kept = std::make_shared<std::vector<command_entry>>(*seen.commands);
-        std::erase_if(*kept, [](const auto& one) { return one.phase == command_phase::refused; });
+        std::erase_if(*kept, [](const auto& command) { return command.phase == command_phase::refused; });
         std::ranges::sort(*kept, {}, &command_entry::id);
         return kept;
     };

@@ -67,9 +67,9 @@ public:
         auto init = read(24);
         width = init[0] * 256u + init[1];
         height = init[2] * 256u + init[3];
-        read(init[20] << 24 | init[21] << 16 | init[22] << 8 | init[23]);
-        send({0, 0, 0, 0, 32, 24, 0, 1, 0, 255, 0, 255, 0, 255, 16, 8, 0, 0, 0, 0}); // little-endian xRGB
-        send({2, 0, 0, 1, 0, 0, 0, 0});                                              // raw
+        read(init[20] * 0x1000000u + init[21] * 0x10000u + init[22] * 0x100u + init[23]); // the name
+        send({0, 0, 0, 0, 32, 24, 0, 1, 0, 255, 0, 255, 0, 255, 16, 8, 0, 0, 0, 0});      // little-endian xRGB
+        send({2, 0, 0, 1, 0, 0, 0, 0});                                                   // raw
         pixels.assign(width * height, 0);
     }
     /// The whole screen, or what has changed.

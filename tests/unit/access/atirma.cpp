@@ -259,13 +259,13 @@ TEST_CASE("access: of each service of ISE itself it is known what it lets somebo
 }
 
 TEST_CASE("access: the file that the page on access shows can be used") {
-    auto page = text_of_file(std::filesystem::path(ISE_SOURCE_DIR) / "docs/access.md");
+    auto text = text_of_file(std::filesystem::path(ISE_SOURCE_DIR) / "docs/access.md");
     const std::string begin = "```toml\n";
-    auto from = page.find(begin);
-    REQUIRE(from != page.npos);
+    auto from = text.find(begin);
+    REQUIRE(from != text.npos);
     from += begin.size();
     std::vector<remark> problems;
-    auto made = policy::parse(page.substr(from, page.find("```", from) - from), "access.toml", problems);
+    auto made = policy::parse(text.substr(from, text.find("```", from) - from), "access.toml", problems);
     for (const auto& one : problems) UNSCOPED_INFO(one.line << ": " << one.text);
     REQUIRE(made);
     CHECK(made->rules().size() == 4);

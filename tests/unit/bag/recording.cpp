@@ -59,9 +59,9 @@ class tripler final : public component {
 struct voyage {
     explicit voyage(bag::recorder_options options) {
         begin("boat", [](node& in) { in.start<doubler>("atirma/boat", everywhere()); });
-        begin("log", [this, options](node& in) {
-            recording = &in;
-            in.start<bag::recorder>("atirma/recorder", everywhere(), options);
+        begin("log", [this, options](node& log) {
+            recording = &log;
+            log.start<bag::recorder>("atirma/recorder", everywhere(), options);
         });
         in.start_body("shore", "caller", [](component& self) -> task<> {
             co_await self.sleep(2s);

@@ -427,7 +427,7 @@ TEST_CASE("no line of a table is wider than the terminal, whatever its cells hol
     rows.add({"telemetry", std::string(120, 'v'), "a URL to connect to: https://host/path or tcp://host:7411",
               std::string(90, 'w')});
     rows.add({std::string(200, 'p'), "5", "", ""});
-    for (std::size_t width : {80, 60, 40}) {
+    for (std::size_t width : {80u, 60u, 40u}) {
         auto text = rows.text(width, "  ", {"ALLOWED"}, 24);
         INFO(text);
         CHECK(text.find("ALLOWED") == text.npos);

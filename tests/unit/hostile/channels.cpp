@@ -132,7 +132,7 @@ TEST_CASE("hostile: fragments that cannot be are as if they had not come") {
     for (int round = 0; round < 100; ++round)
         for (const auto& one : wrong)
             at.peer.fragment(one.number, one.size, one.index, ise::bytes_view(full).first(one.bytes));
-    for (std::size_t size : {0, 8, 15}) at.peer.put(chunk_type::fragment, ise::bytes_view(full).first(size));
+    for (std::size_t size : {0u, 8u, 15u}) at.peer.put(chunk_type::fragment, ise::bytes_view(full).first(size));
     at.go_on(1s);
     CHECK(at.of_raw());
     CHECK(at.peer.acked() < taken);

@@ -88,7 +88,7 @@ TEST_CASE("hostile: openings that are too short, too long or no openings get no 
     auto& one = at.stranger();
     ise::buffer out;
     ise::wire::put_opening(out, 5, {});
-    for (std::size_t size : {0, 1, 15, 16, 35, 36, 1199}) {
+    for (std::size_t size : {0u, 1u, 15u, 16u, 35u, 36u, 1199u}) {
         auto cut = out.to_bytes();
         cut.resize(size);
         if (size >= 16) ise::detail::store_little(cut.data(), static_cast<std::uint32_t>(size - 16));

@@ -94,7 +94,7 @@ TEST_CASE("hostile: over udp nobody subscribes without loss, and credits for oth
     for (auto total : {~std::uint64_t{0}, std::uint64_t{0}, std::uint64_t{1} << 63}) {
         ise::buffer body;
         body.append(total);
-        for (std::uint64_t subscription : {0, 1, 2, 3}) peer.say(frame_type::credit, subscription, body.view());
+        for (std::uint64_t subscription : {0u, 1u, 2u, 3u}) peer.say(frame_type::credit, subscription, body.view());
     }
     at.all.world.run_for(1s);
     at.publish(5);

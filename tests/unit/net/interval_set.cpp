@@ -30,7 +30,7 @@ void check_same(const interval_set& set, const std::set<std::uint64_t>& model) {
 } // namespace
 
 TEST_CASE("intervals of numbers are what a set of the numbers is") {
-    std::mt19937_64 draw(GENERATE(1, 2, 3, 4));
+    std::mt19937_64 draw(GENERATE(1u, 2u, 3u, 4u));
     interval_set set;
     std::set<std::uint64_t> model;
     for (int step = 0; step < 3000; ++step) {

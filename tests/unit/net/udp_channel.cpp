@@ -231,7 +231,7 @@ TEST_CASE("a big message becomes whole, however many small ones that were supers
     REQUIRE(done);
     CHECK(done->size() == size);
     // And once only, as those that came meanwhile.
-    for (std::uint64_t number : {0, 2, 1000, 1998}) {
+    for (std::uint64_t number : {0u, 2u, 1000u, 1998u}) {
         done.reset();
         REQUIRE(in.take(fragment(number, 100, 0), now, done));
         CHECK_FALSE(done);

@@ -446,7 +446,6 @@ TEST_CASE("seal store: a changed key outlives restarts, also where the counters 
 
 TEST_CASE("seal store: the recovery key beside the boat's key changes it, and a file of another boat is refused") {
     quay at;
-    ise::time_point now(1h);
     auto recovery = a_key(90);
     auto file = at.key_file() + ".recovery";
     write_text(file, format_recovery_key(recovery));

@@ -133,7 +133,7 @@ TEST_CASE("objects between threads: calls and packets, each once") {
 TEST_CASE("objects between threads: whoever goes first, with calls and packets under way, nobody waits for ever") {
     const bool provider_first = GENERATE(true, false);
     const bool in_order = GENERATE(true, false); // else its loop just ends
-    for (std::uint64_t after : {0, 1, 2, 10, 50}) {
+    for (std::uint64_t after : {0u, 1u, 2u, 10u, 50u}) {
         INFO("after " << after << " answers");
         two_threads at;
         auto answered = std::make_shared<std::atomic<std::uint64_t>>(0);
