@@ -29,7 +29,7 @@ bool call_worker::may_begin() {
         service_.refuse_late(*from_, context_.id);
         return false;
     }
-    if (detail::present_trace) *detail::present_trace = {context_.trace, true};
+    if (detail::present_trace) detail::present_trace->handles_call(context_.trace);
     return true;
 }
 

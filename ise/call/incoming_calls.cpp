@@ -151,9 +151,8 @@ result<void> incoming_calls::on_request(const net::carried_frame& received) {
     const auto id = received.header.id;
     incoming_call call;
     call.id = id;
-    call.trace.trace = parsed->trace;
-    call.trace.parent = parsed->parent;
-    if (over_.wire().tells_traces()) call.trace.high = parsed->high;
+    if (parsed->trace != 0) [[unlikely]]
+        call.trace = {parsed->trace, parsed->parent, over_.wire().tells_traces() ? parsed->high : 0};
     call.number = parsed->number;
     call.again = numbered && (flags & wire::flag::again);
     auto& runtime = over_.runtime();
@@ -268,7 +267,7 @@ void incoming_calls::serve(binding& of, incoming_call& call, incoming_packet& re
     }
     auto slot = slot_of(call.id);
     if (slot >= running_.size()) running_.resize(slot + 1);
-    running_[slot] = {&of, call.id, call.number};
+    running_[slot].begins(of, call);
     ++running_count_;
     if (call.number != 0 && seen_before(of, call)) return;
     if (of.audited) over_.note_use(service_kind::request_response, of.name);

@@ -68,9 +68,18 @@ private:
         std::uint64_t number = 0;
         bool elsewhere = false; // it runs for an earlier session; its answer comes here
         time_point orphaned_until = time_point::max();
-        trace_id trace;         // of the caller; where it has one and this side makes spans
         std::uint64_t span = 0; // of this side; 0: none
-        time_point began{};     // the turn in which the request was read
+        trace_id trace;         // where there is a span: of the caller
+        time_point began{};     // where there is a span: the turn in which the request was read
+
+        void begins(binding& service, const incoming_call& call) noexcept {
+            of = &service;
+            id = call.id;
+            number = call.number;
+            elsewhere = false;
+            orphaned_until = time_point::max();
+            span = 0;
+        }
     };
 
     void bind(std::uint32_t number, const std::vector<std::uint64_t>& fingerprints);

@@ -54,9 +54,11 @@ bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
     wire::request_head head;
     head.service = number_of(call);
     head.time_ns = call.deadline.time_since_epoch().count(); // the outbox makes it the peer's
-    head.trace = call.trace.trace;
-    head.parent = call.trace.parent;
-    if (connection.tells_traces()) head.high = call.trace.high;
+    if (call.trace) [[unlikely]] {
+        head.trace = call.trace.trace;
+        head.parent = call.trace.parent;
+        if (connection.tells_traces()) head.high = call.trace.high;
+    }
     const auto at = first_free_;
     call.id = call_id(at, slots_[at].generation);
     const std::uint8_t again = call.number != 0 ? wire::flag::again : std::uint8_t{0};

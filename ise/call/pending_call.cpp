@@ -56,6 +56,8 @@ void pending_calls::end(pending_call& call, const call_outcome& outcome) {
         call.spans = false;
         on_span(call, outcome.why);
     }
+    if (call.trace) [[unlikely]]
+        call.trace = {};
     call.state = call_state::starting;
     call.holder = nullptr;
     call.owner = nullptr;

@@ -19,10 +19,22 @@ namespace detail {
 struct trace_place {
     trace_id trace;
     bool of_call = false; ///< of the call that it handles, which packets taken meanwhile do not change
+
+    void handles_call(const trace_id& of) noexcept {
+        of_call = true;
+        if (trace || of) [[unlikely]]
+            trace = of;
+    }
 };
 
 /// Of the code that runs on this thread; null: there is no place for one, and so no trace.
 extern constinit thread_local trace_place* present_trace;
+
+/// `current_trace`, as long as that code runs.
+inline const trace_id& trace_here() noexcept {
+    static constexpr trace_id none;
+    return present_trace ? present_trace->trace : none;
+}
 
 /// While it lives, code that is no coroutine works for another trace.
 class trace_scope {
@@ -42,7 +54,7 @@ private:
 /// The trace that the running handler or coroutine works for: of its call, else of the packet that it took last from a
 /// subscription, else the one given to `work_for`. Calls made and packets published here belong to it. On a component's
 /// thread.
-inline trace_id current_trace() noexcept { return detail::present_trace ? detail::present_trace->trace : trace_id(); }
+inline trace_id current_trace() noexcept { return detail::trace_here(); }
 
 /// From here on the running coroutine works for this trace, until it takes the next packet from a subscription: for
 /// work that a handler left to it, with the `current_trace()` of then. In a function that is no coroutine until it

@@ -107,12 +107,10 @@ void peer_channel::call(service_key service, duration deadline, const asio::any_
     call.types = service.types;
     call.began = on.now();
     call.deadline = saturating_add(call.began, deadline > duration{} ? deadline : runtime().options().default_deadline);
-    call.trace = current_trace();
     call.made_in = context_of(waiting ? waiting : on.get_executor());
-    if (call.made_in) {
-        call.deadline = std::min(call.deadline, call.made_in->deadline);
-        call.trace = call.made_in->trace;
-    }
+    if (call.made_in) call.deadline = std::min(call.deadline, call.made_in->deadline);
+    if (const auto& cause = call.made_in ? call.made_in->trace : detail::trace_here()) [[unlikely]]
+        call.trace = cause;
     call.where = where;
     if (auto* traces = runtime().options().traces.get()) [[unlikely]]
         call.spans = traces->begin_call(call.trace, call.caused_by, call.made_in != nullptr);

@@ -365,7 +365,7 @@ void subscriber_core::follow_trace() {
 }
 
 packet_origin subscriber_core::take_packet() {
-    if (queue_.front_trace() || current_trace()) [[unlikely]]
+    if (queue_.front_trace() || detail::trace_here()) [[unlikely]]
         follow_trace();
     auto from = queue_.pop();
     from.lost_before = gap_of(std::exchange(gap_, 0), from.lost_before);

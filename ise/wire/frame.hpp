@@ -126,11 +126,16 @@ struct request_head {
     static constexpr std::size_t min_size = 12;
     /// With these flags.
     static constexpr std::size_t size(std::uint8_t flags) noexcept {
-        return min_size + (flags & flag::traced ? 16 : 0) + (is_wide(flags) ? 8 : 0) + (flags & flag::numbered ? 8 : 0);
+        if (!(flags & (flag::traced | flag::numbered))) [[likely]]
+            return min_size;
+        const std::size_t of_trace = !(flags & flag::traced) ? 0 : flags & flag::wide ? 24 : 16;
+        return min_size + of_trace + (flags & flag::numbered ? 8 : 0);
     }
 
     /// Of those flags that say what is there.
     std::uint8_t flags() const noexcept {
+        if ((trace | number) == 0) [[likely]]
+            return 0;
         return static_cast<std::uint8_t>((trace != 0 ? flag::traced : 0) | (trace != 0 && high != 0 ? flag::wide : 0) |
                                          (number != 0 ? flag::numbered : 0));
     }
@@ -162,10 +167,10 @@ struct request_head {
             head.trace = detail::load_little<std::uint64_t>(at);
             head.parent = detail::load_little<std::uint64_t>(at + 8);
             at += 16;
-        }
-        if (is_wide(flags)) {
-            head.high = detail::load_little<std::uint64_t>(at);
-            at += 8;
+            if (flags & flag::wide) {
+                head.high = detail::load_little<std::uint64_t>(at);
+                at += 8;
+            }
         }
         if (flags & flag::numbered) head.number = detail::load_little<std::uint64_t>(at);
         return head;
@@ -180,9 +185,6 @@ struct request_head {
     }
 
 private:
-    static constexpr bool is_wide(std::uint8_t flags) noexcept {
-        return (flags & flag::traced) && (flags & flag::wide);
-    }
     static constexpr std::size_t time_at = 4;
 };
 

@@ -68,7 +68,7 @@ void socket_stream::deliver() {
         const auto room = deliver_to_->room();
         if (room.size() == 0) return;
         const auto got = read(room);
-        if (got.problem == asio::error::would_block) break;
+        if (got.problem && got.problem == asio::error::would_block) break;
         deliver_to_->on_bytes(got);
         if (got.problem || !fd_open()) return;
     }
@@ -85,8 +85,11 @@ void socket_stream::on_readable() {
 
 transfer socket_stream::read(asio::mutable_buffer into) {
     auto got = passed_ ? receive_passed(fd(), into, *passed_) : receive_bytes(fd(), into);
-    if (got.problem == asio::error::would_block) found_nothing();
-    else if (!got.problem && got.bytes < into.size()) found_less();
+    if (got.problem) [[unlikely]] {
+        if (got.problem == asio::error::would_block) found_nothing();
+    } else if (got.bytes < into.size()) {
+        found_less();
+    }
     return got;
 }
 
