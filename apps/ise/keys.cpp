@@ -91,19 +91,34 @@ public:
 
     /// Every certificate that was issued to an identity, or to a name within the system.
     std::vector<std::string> issued_to(const std::string& whom) const {
+        return issued([&](const std::string& text, const std::string& file) {
+            auto identity = pki::describe(text, file).front().identity;
+            return identity == whom || identity == "ise://" + pki::system_of(identity) + "/" + whom;
+        });
+    }
+
+    /// This certificate, and every other one that was issued for its key: one that `renew` replaced is valid for long.
+    std::vector<std::string> issued_with(const std::string& certificate) const {
+        auto found = issued([&](const std::string& text, const std::string&) {
+            return text != certificate && pki::same_key(text, certificate);
+        });
+        found.insert(found.begin(), certificate);
+        return found;
+    }
+
+private:
+    template <class Wanted>
+    std::vector<std::string> issued(Wanted wanted) const {
         std::vector<std::string> found;
         std::error_code none;
         for (const auto& entry : std::filesystem::directory_iterator(in(folder_, "issued"), none)) {
             if (entry.path().extension() != ".pem") continue;
             auto text = read_public(entry.path().string());
-            auto identity = pki::describe(text, entry.path().string()).front().identity;
-            if (identity == whom || identity == "ise://" + pki::system_of(identity) + "/" + whom)
-                found.push_back(std::move(text));
+            if (wanted(text, entry.path().string())) found.push_back(std::move(text));
         }
         return found;
     }
 
-private:
     std::string folder_;
 };
 
@@ -306,7 +321,7 @@ std::string revoke(const settings& set, const keys_options& given) {
         auto certificate = is_folder(what) ? in(what, "certificate.pem") : what;
         std::vector<std::string> found;
         if (what.starts_with("ise://") || !is_there(certificate)) found = by.issued_to(what);
-        else found.push_back(read_public(certificate));
+        else found = by.issued_with(read_public(certificate));
         if (found.empty())
             throw problem(exit_code::failed, "unknown",
                           fmt::format("'{}' is no certificate, no folder with one, and nothing was issued to it by {}",

@@ -515,7 +515,7 @@ void authority::revoke(const std::vector<std::string>& more, moment now, days va
             ERR_clear_error();
             fail("it was not issued by this authority, which cannot revoke it");
         }
-        if (!list.empty() && is_in(made.get(), one.get())) continue;
+        if (is_in(made.get(), one.get())) continue;
         auto* entry = X509_REVOKED_new();
         must(entry && X509_REVOKED_set_serialNumber(entry, X509_get_serialNumber(one.get())) == 1 &&
                  X509_REVOKED_set_revocationDate(entry, time_at(now).get()) == 1 &&
@@ -534,6 +534,12 @@ void authority::list_again(moment now) {
     auto until = moment_of(X509_CRL_get0_nextUpdate(made.get()));
     by.sign_list(made.get(), now - slack, now - slack + (until - from));
     list = pem_of(made.get());
+}
+
+bool same_key(const std::string& one, const std::string& other) {
+    ERR_clear_error();
+    auto first = read_certificate(one, "a certificate"), second = read_certificate(other, "a certificate");
+    return EVP_PKEY_eq(X509_get0_pubkey(first.get()), X509_get0_pubkey(second.get())) == 1;
 }
 
 std::vector<description> describe(const std::string& text, const std::string& from) {

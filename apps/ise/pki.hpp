@@ -48,6 +48,9 @@ struct authority {
     std::string trusted() const { return certificate + list; }
 };
 
+/// Whether two certificates are for one key.
+bool same_key(const std::string& one, const std::string& other);
+
 /// What a file in PEM is.
 struct description {
     std::string kind;                 ///< "certificate", "authority", "request", "revocation list", "private key"

@@ -20,6 +20,7 @@ std::string authority::sign(const std::string&, moment, days) const { not_built(
 std::string authority::sign_again(const std::string&, moment) const { not_built(); }
 void authority::revoke(const std::vector<std::string>&, moment, days) { not_built(); }
 void authority::list_again(moment) { not_built(); }
+bool same_key(const std::string&, const std::string&) { not_built(); }
 std::vector<description> describe(const std::string&, const std::string&) { not_built(); }
 
 } // namespace ise::cli::pki

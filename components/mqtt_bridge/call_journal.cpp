@@ -33,6 +33,8 @@ result<call_journal::finding> call_journal::begin(const std::string& key, const 
         const auto& row = known->front();
         if (row.integer(0) != digest) {
             made.is = state::other;
+        } else if (!row.is_null(1) && row.is_null(2)) {
+            made.is = state::dropped;
         } else if (!row.is_null(1)) {
             made.is = state::answered;
             made.outcome.code = row.text(1);
@@ -56,7 +58,34 @@ result<void> call_journal::end(const std::string& key, const call_outcome& outco
                               {outcome.code, outcome.execution, blob_of(outcome.payload), blob_of(key)});
     running_.erase(key);
     if (!noted) return noted.error();
-    return {};
+    if (kept_bytes_) *kept_bytes_ += static_cast<std::int64_t>(outcome.payload.size());
+    return bound_answers();
+}
+
+/// A quarter goes at once, so that it is seldom looked for. A request whose answer has gone is still not executed again.
+result<void> call_journal::bound_answers() {
+    if (!kept_bytes_) {
+        auto sum = db_->query("SELECT coalesce(sum(length(payload)), 0) FROM calls");
+        if (!sum) return sum.error();
+        kept_bytes_ = sum->front().integer(0);
+    }
+    if (*kept_bytes_ <= answer_bytes_) return {};
+    return db_->transaction([&]() -> result<void> {
+        while (*kept_bytes_ > answer_bytes_ / 4 * 3) {
+            auto oldest = db_->query("SELECT key, length(payload) FROM calls WHERE length(payload) > 0 ORDER BY began "
+                                     "LIMIT 256");
+            if (!oldest) return oldest.error();
+            if (oldest->empty()) break;
+            for (const auto& row : *oldest) {
+                auto gone =
+                    db_->execute("UPDATE calls SET execution = NULL, payload = NULL WHERE key = ?", {row.bytes(0)});
+                if (!gone) return gone.error();
+                *kept_bytes_ -= row.integer(1);
+                if (*kept_bytes_ <= answer_bytes_ / 4 * 3) break;
+            }
+        }
+        return {};
+    });
 }
 
 result<void> call_journal::tidy(wall_time now) {
@@ -68,6 +97,7 @@ result<void> call_journal::tidy(wall_time now) {
                      "DESC LIMIT -1 OFFSET ?)",
                      {max_calls});
     if (!many) return many.error();
+    if (*old + *many > 0) kept_bytes_.reset();
     return {};
 }
 

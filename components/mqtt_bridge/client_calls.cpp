@@ -74,6 +74,13 @@ void client_calls::take(message asked) {
                               readable(asked.topic.substr(0, 200))));
         return;
     }
+    if (asked.response_topic.size() > max_topic_bytes) { // it is noted with each request
+        ++in_->counts.not_published;
+        in_->note(fmt::format("a request of {} is not executed: its response topic has {} bytes, {} at most "
+                              "(max_topic_bytes)",
+                              readable(asked.topic.substr(0, 200)), asked.response_topic.size(), max_topic_bytes));
+        return;
+    }
     if (asked.correlation.size() < min_correlation || asked.correlation.size() > max_correlation)
         return refuse(asked, errc::invalid_argument,
                       fmt::format("a request needs correlation data of {} to {} bytes that no other request has, such "
@@ -100,6 +107,12 @@ void client_calls::take(message asked) {
         case call_journal::state::fresh: break;
         case call_journal::state::running: ++in_->counts.calls_again; return; // it is answered when it is done
         case call_journal::state::answered: ++in_->counts.calls_again; return answer(asked, noted->outcome);
+        case call_journal::state::dropped:
+            ++in_->counts.calls_again;
+            return answer(asked, outcome_of(failure(errc::peer_lost,
+                                                    "the answer to this request is not kept any more "
+                                                    "(max_answer_bytes); it is not executed again",
+                                                    execution::unknown)));
         case call_journal::state::interrupted:
             ++in_->counts.calls_again;
             return answer(asked, outcome_of(failure(errc::peer_lost,

@@ -160,6 +160,53 @@ private:
     bool closed_ = false;
 };
 
+/// The bodies that are being sent, by host.
+class unsent_bodies {
+public:
+    explicit unsent_bodies(std::size_t most) : most_(most) {}
+
+    /// Counts until it is destroyed; before the bodies.
+    class part {
+    public:
+        part(unsent_bodies& in, std::string host, const http_body& what)
+            : in_(in), host_(std::move(host)), what_(what) {
+            auto& of = in_.hosts_[host_];
+            if (of.bodies[what_.owned()]++ == 0) of.bytes += what_.bytes().size();
+        }
+        ~part() {
+            auto found = in_.hosts_.find(host_);
+            auto& of = found->second;
+            if (--of.bodies[what_.owned()] == 0) {
+                of.bodies.erase(what_.owned());
+                of.bytes -= what_.bytes().size();
+            }
+            if (of.bodies.empty()) in_.hosts_.erase(found);
+        }
+        part(const part&) = delete;
+        part& operator=(const part&) = delete;
+
+    private:
+        unsent_bodies& in_;
+        std::string host_;
+        http_body what_;
+    };
+
+    /// Whether a host that takes nothing meanwhile may have it, too.
+    bool fits(const std::string& host, const http_body& what) const {
+        auto found = hosts_.find(host);
+        if (found == hosts_.end() || found->second.bodies.contains(what.owned())) return true;
+        return found->second.bytes + what.bytes().size() <= most_;
+    }
+
+private:
+    struct of_host {
+        std::size_t bytes = 0;
+        std::map<const std::string*, std::size_t> bodies;
+    };
+    std::size_t most_;
+    std::map<std::string, of_host> hosts_;
+};
+
 /// A path with an event stream.
 struct event_path {
     event_path(sse_channel::snapshot_source source, sse_limits limits)
@@ -187,7 +234,7 @@ struct event_client {
 
 struct http_server::implementation : std::enable_shared_from_this<implementation> {
     implementation(loop& on_, logger to, http_limits chosen, spawner start)
-        : on(on_), log(std::move(to)), limits(chosen), spawn(std::move(start)) {}
+        : on(on_), log(std::move(to)), limits(chosen), spawn(std::move(start)), unsent(chosen.max_unsent_bytes) {}
 
     struct other_name {
         std::string file;
@@ -395,9 +442,23 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
                 co_await std::move(streaming);
                 co_return;
             }
+            std::optional<unsent_bodies::part> counted;
+            if (with_body && made.body.owned()) {
+                auto host = net::host_of(peer);
+                if (unsent.fits(host, made.body)) {
+                    counted.emplace(unsent, host, made.body);
+                } else {
+                    note(fmt::format("more than {} bytes wait for one host, which does not take them "
+                                     "(max_unsent_bytes): it gets no more",
+                                     limits.max_unsent_bytes),
+                         peer);
+                    made = error(503, "Your host has not taken what it asked for. Try again in a minute.",
+                                 {{"Retry-After", "60"}});
+                }
+            }
             auto sending = send(*over, std::move(made), with_body, keep);
-            auto unsent = co_await std::move(sending);
-            if (unsent || !keep) co_return;
+            auto failed_send = co_await std::move(sending);
+            if (failed_send || !keep) co_return;
             place.wait();
         }
     }
@@ -456,6 +517,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     logger log;
     http_limits limits;
     spawner spawn;
+    unsent_bodies unsent;
     log_limiter quiet, quiet_failures; // of peers, of handlers
     error_page error_text = plain_error;
     std::string images; ///< origins that pages may load pictures from, besides this server

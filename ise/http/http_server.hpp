@@ -27,6 +27,9 @@ struct http_limits {
     /// limit of open files as far as it may, and accepts fewer connections where that is too low.
     std::size_t max_connections = 32;
     std::size_t max_requests = 1000; ///< of one connection
+    /// Bodies of whole responses that one host has asked for and not taken yet; a body that several of its connections
+    /// wait for counts once. Beyond it the host is answered 503.
+    std::size_t max_unsent_bytes = 32 << 20;
     http_reader_limits message;
     http_times times;
     http_stream_times sending; ///< `write` also bounds sending a whole response
@@ -64,6 +67,8 @@ public:
         return made;
     }
     std::string_view bytes() const noexcept { return bytes_; }
+    /// What the bytes lie in; null: nothing of its own.
+    const std::string* owned() const noexcept { return owned_.get(); }
 
 private:
     std::shared_ptr<const std::string> owned_;

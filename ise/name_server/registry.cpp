@@ -46,13 +46,9 @@ registry::registry(registry_options options, std::uint64_t incarnation, time_poi
                    registry_memory memory)
     : options_(options), incarnation_(incarnation), memory_(memory),
       last_epoch_(std::min(std::max(microseconds_of(wall), memory.epochs_below), highest_epoch)),
-      recovered_(saturating_add(now, options.recovery)), last_seen_(now), schemas_(options.limits.schemas),
-      by_path_(0, path_hash(memory_.secret)) {
+      recovered_(saturating_add(now, options.recovery)), last_seen_(now), hash_(memory_.secret),
+      schemas_(options.limits.schemas, hash_), by_path_(0, hash_), nodes_(0, hash_) {
     options_.lease = std::max(options_.lease, min_lease);
-}
-
-std::size_t registry::path_hash::operator()(std::string_view path) const {
-    return net::udp::keyed_hash(secret_, as_bytes(path));
 }
 
 registry::by_name::iterator registry::find(std::string_view path) {
@@ -87,7 +83,7 @@ void registry::expire(time_point at) {
     }
 }
 
-void registry::end(std::unordered_map<std::uint64_t, node>::iterator gone, end_of_lease why, time_point at) {
+void registry::end(by_number<node>::iterator gone, end_of_lease why, time_point at) {
     auto paths = gone->second.paths; // removing changes them
     last_holder who;
     who.why = why;

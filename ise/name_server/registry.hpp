@@ -3,6 +3,7 @@
 #include <ise/core/time.hpp>
 #include <ise/name_server/registry_limits.hpp>
 #include <ise/name_server/schema_store.hpp>
+#include <ise/name_server/secret_hash.hpp>
 #include <ise/naming/services.hpp>
 
 #include <array>
@@ -89,6 +90,9 @@ public:
     /// Why a claim of a known node has no room now, by the limit's name.
     std::optional<std::string> no_room(const naming::component_claim& claim, std::uint64_t lease_key) const;
 
+    /// Of what peers choose, with this server's secret.
+    const secret_hash& hash() const noexcept { return hash_; }
+
     /// A name, else a role of that path.
     result<naming::resolve_response> resolve(std::string_view path, time_point now);
     /// Who serves a role, best first.
@@ -133,15 +137,6 @@ private:
     };
 
     using by_name = std::map<std::string, component, std::less<>>;
-    class path_hash { // keyed, since peers choose the paths
-    public:
-        explicit path_hash(const std::array<std::uint64_t, 2>& secret) : secret_(secret) {}
-        std::size_t operator()(std::string_view path) const; // not noexcept: libstdc++ then keeps what it gives
-
-    private:
-        std::array<std::uint64_t, 2> secret_;
-    };
-
     enum class end_of_lease { ran_out, reported }; // reported: by whoever started the process
     struct last_holder {
         std::uint64_t epoch = 0;
@@ -155,7 +150,7 @@ private:
     time_point running_time(time_point now);
     void renew_lease(node& of, time_point at);
     void expire(time_point at);
-    void end(std::unordered_map<std::uint64_t, node>::iterator gone, end_of_lease why, time_point at);
+    void end(by_number<node>::iterator gone, end_of_lease why, time_point at);
     std::uint64_t proof_of(std::string_view path, std::uint64_t epoch, const node& of) const;
     bool granted_here(std::uint64_t epoch) const noexcept { return first_epoch_ != 0 && epoch >= first_epoch_; }
     /// After which who found no room may ask again: it may have been superseded meanwhile, and hears of that within a
@@ -187,13 +182,14 @@ private:
     time_point recovered_;          // in running time
     time_point last_seen_;
     duration stalled_{}; // did not run for so long
+    secret_hash hash_;
     schema_store schemas_;
     by_name components_;
-    std::unordered_map<std::string_view, by_name::iterator, path_hash> by_path_; // the same: found in one step
-    std::unordered_map<std::uint64_t, node> nodes_;                              // by lease key
-    std::set<std::pair<time_point, std::uint64_t>> expiries_;                    // of nodes
-    std::map<std::string, last_holder, std::less<>> last_held_;                  // of names that expired
-    std::map<std::string, std::set<std::string>, std::less<>> roles_;            // who serves them, by path
+    std::unordered_map<std::string_view, by_name::iterator, secret_hash> by_path_; // the same: found in one step
+    by_number<node> nodes_;                                                        // by lease key
+    std::set<std::pair<time_point, std::uint64_t>> expiries_;                      // of nodes
+    std::map<std::string, last_holder, std::less<>> last_held_;                    // of names that expired
+    std::map<std::string, std::set<std::string>, std::less<>> roles_;              // who serves them, by path
     std::set<std::string> changed_roles_;
     std::size_t services_ = 0;
     std::size_t claims_bytes_ = 0;

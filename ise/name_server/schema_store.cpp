@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <unordered_set>
+#include <set>
 
 namespace ise {
 
@@ -44,7 +44,7 @@ void schema_store::release(const std::vector<naming::service_entry>& services) {
             if (auto found = texts_.find(fingerprint); found != texts_.end() && --found->second.uses == 0) erase(found);
 }
 
-void schema_store::erase(std::unordered_map<std::uint64_t, entry>::iterator which) {
+void schema_store::erase(by_number<entry>::iterator which) {
     total_bytes_ -= which->second.text.size();
     told_ -= !which->second.text.empty();
     texts_.erase(which);
@@ -59,7 +59,7 @@ void schema_store::sweep() {
 
 void schema_store::collect(const std::vector<naming::service_entry>& services,
                            std::vector<naming::schema_text>& into) const {
-    std::unordered_set<std::uint64_t> result;
+    std::set<std::uint64_t> result;
     for (const auto& service : services)
         for (auto fingerprint : service.fingerprints) {
             auto found = texts_.find(fingerprint);

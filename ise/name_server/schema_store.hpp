@@ -1,10 +1,10 @@
 #pragma once
 #include <ise/core/result.hpp>
+#include <ise/name_server/secret_hash.hpp>
 #include <ise/naming/services.hpp>
 
 #include <cstdint>
 #include <string>
-#include <unordered_map>
 #include <vector>
 
 namespace ise {
@@ -19,7 +19,7 @@ struct schema_store_limits {
 /// does. A text is kept under the fingerprint that it has, not under the one that it is said to have.
 class schema_store {
 public:
-    explicit schema_store(schema_store_limits limits) : limits_(limits) {}
+    schema_store(schema_store_limits limits, const secret_hash& hash) : limits_(limits), texts_(0, hash) {}
 
     /// Keeps a text until its uses are released; one that nobody uses yet goes with the next `sweep()`.
     /// errc::malformed: no schema, or that of another fingerprint; errc::too_large.
@@ -38,10 +38,10 @@ private:
         std::string text; // empty: it was not told
         std::size_t uses = 0;
     };
-    void erase(std::unordered_map<std::uint64_t, entry>::iterator which);
+    void erase(by_number<entry>::iterator which);
 
     schema_store_limits limits_;
-    std::unordered_map<std::uint64_t, entry> texts_;
+    by_number<entry> texts_; // by fingerprint
     std::vector<std::uint64_t> offered_;
     std::size_t total_bytes_ = 0;
     std::size_t told_ = 0; // that have a text

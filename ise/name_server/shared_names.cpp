@@ -65,7 +65,7 @@ naming::grant answer_of(const std::string& path, verdict what, std::string why) 
 shared_names::shared_names(loop& on, environment& env, task_scope& scope, const logger& to, name_store& store,
                            registry& names, std::uint64_t incarnation, std::function<void()> on_change)
     : on_(on), env_(env), scope_(scope), log_(to), store_(store), names_(names), incarnation_(incarnation),
-      on_change_(std::move(on_change)), started_(on.now()) {
+      on_change_(std::move(on_change)), started_(on.now()), nodes_(0, names.hash()) {
     names_.complete(false);
     scope_.spawn("watch of the store", watch(*this));
     scope_.spawn("state of the store", tend(*this));

@@ -12,7 +12,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <unordered_map>
 #include <utility>
 #include <vector>
 
@@ -119,7 +118,7 @@ private:
     std::uint64_t incarnation_;
     std::function<void()> on_change_;
     time_point started_;
-    std::unordered_map<std::uint64_t, known_node> nodes_;  // by lease key
+    by_number<known_node> nodes_;                          // by lease key
     std::map<std::string, known_name, std::less<>> known_; // by path
     std::uint64_t offset_ = 0;
     std::uint64_t revision_ = 0; // up to which the registry is complete

@@ -3,6 +3,7 @@
 
 #include <ise/component/node.hpp>
 #include <ise/sim/world.hpp>
+#include <unit/http/client.hpp>
 
 #include <asio/buffer.hpp>
 
@@ -11,6 +12,7 @@
 #include <algorithm>
 #include <array>
 #include <functional>
+#include <list>
 
 namespace server_test {
 
@@ -313,6 +315,46 @@ TEST_CASE("http: who reads no further holds a bounded part of a long body, and l
     CHECK(it.server->written < 100);
     it.world.run_for(2s);
     CHECK(it.server->server->statistics().open_connections == 0);
+}
+
+TEST_CASE("http: a host that asks for much and reads nothing holds a bounded part of the memory") {
+    web_test::grounds here;
+    ise::http_limits limits;
+    limits.max_unsent_bytes = 40 << 20;
+    ise::http_server server(here.host->loop(), here.log, limits, here.spawner());
+    constexpr std::size_t size = 16 << 20; // more than the system's buffers hold
+    auto large = [](const ise::http_request&) {
+        ise::http_response made;
+        made.body = std::string(size, 'x');
+        return made;
+    };
+    server.get("/large", large);
+    ise::http_response shared;
+    shared.body = std::string(size, 'y');
+    server.get("/shared", [shared](const ise::http_request&) { return shared; });
+    server.get("/small", [](const ise::http_request&) { return ise::http_response{"small"}; });
+    server.listen(web_test::any_port("0.0.0.0")).value();
+    const auto port = server.where().port;
+    std::list<web_test::client> silent;
+    auto ask = [&](std::string_view path) -> web_test::client& {
+        auto& one = silent.emplace_back(here.context, port);
+        one.get(path);
+        one.read_until("\r\n");
+        return one;
+    };
+    CHECK(ask("/shared").received.starts_with("HTTP/1.1 200 "));
+    CHECK(ask("/shared").received.starts_with("HTTP/1.1 200 ")); // one body in memory
+    CHECK(ask("/large").received.starts_with("HTTP/1.1 200 "));
+    CHECK(ask("/large").received.starts_with("HTTP/1.1 503 "));
+    CHECK(ask("/shared").received.starts_with("HTTP/1.1 200 "));
+    CHECK(here.logged.find("max_unsent_bytes") != std::string::npos);
+    if (auto other = web_test::another_host(); !other.empty()) {
+        web_test::client friendly(here.context, port, other);
+        friendly.get("/large");
+        CHECK(friendly.read_answer().size() > size);
+    }
+    silent.clear();
+    CHECK(ask("/large").received.starts_with("HTTP/1.1 200 "));
 }
 
 TEST_CASE("http: an event stream over the virtual network: a snapshot, events, comments, and its end") {

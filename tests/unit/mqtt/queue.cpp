@@ -6,6 +6,7 @@
 #include <support/damaged_file.hpp>
 
 #include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <string>
 #include <vector>
@@ -220,4 +221,35 @@ TEST_CASE("journal: a request is begun once, also over lives, and answered the s
     CHECK(second.begin("a", "t", "go", noon)->is == is::fresh);
     REQUIRE(db.query("PRAGMA query_only=1")); // a disk that takes nothing
     CHECK_FALSE(second.begin("c", "t", "go", noon));
+}
+
+TEST_CASE("journal: answers have a bounded room on disk, and a request whose answer went is not executed again") {
+    damaged_file::folder disk("mqtt");
+    const auto file = disk.file();
+    using is = call_journal::state;
+    constexpr std::int64_t room = 1 << 20;
+    call_outcome large;
+    large.code = "ok";
+    large.payload.assign(100'000, 'x');
+    auto name = [](int n) { return "request " + std::to_string(n); };
+    {
+        auto db = database::open(file, bridge_schema).value();
+        call_journal first(db, 1, 24h, room);
+        for (int n = 0; n < 200; ++n) {
+            CHECK(first.begin(name(n), "t", "go", noon + n * 1s)->is == is::fresh);
+            REQUIRE(first.end(name(n), large));
+        }
+        CHECK(first.begin(name(0), "t", "go", noon)->is == is::dropped);
+        CHECK(first.begin(name(199), "t", "go", noon)->outcome.payload == large.payload);
+    }
+    CHECK(std::filesystem::file_size(file) < 2 * room);
+    auto db = database::open(file, bridge_schema).value();
+    call_journal second(db, 2, 24h, room); // goes on counting
+    for (int n = 200; n < 220; ++n) {
+        CHECK(second.begin(name(n), "t", "go", noon + n * 1s)->is == is::fresh);
+        REQUIRE(second.end(name(n), large));
+    }
+    CHECK(second.begin(name(199), "t", "go", noon)->is == is::dropped);
+    auto kept = db.query("SELECT sum(length(payload)) FROM calls");
+    CHECK(kept->front().integer(0) <= room);
 }

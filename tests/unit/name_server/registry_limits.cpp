@@ -52,7 +52,7 @@ TEST_CASE("registry: texts of schemas are bounded by number and by bytes, each b
     limits.max_schemas = 3;
     limits.max_schema_bytes = 100;
     limits.max_schema_total_bytes = 180;
-    ise::schema_store store(limits);
+    ise::schema_store store(limits, ise::secret_hash({1, 2}));
     auto refusal = [&](const ise::naming::schema_text& text) {
         auto kept = store.offer(text);
         return kept ? std::string() : kept.error().message();

@@ -1,6 +1,8 @@
 // Whoever can connect can claim what he likes: the others' names go on.
 #include "system.hpp"
 
+#include <ctime>
+
 namespace strangers_test {
 
 using namespace names_test;
@@ -118,6 +120,44 @@ TEST_CASE("strangers: a component that starts while there is no room is register
     CHECK_FALSE(it.holds("atirma/doubler"));
     first.stop();
     CHECK(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 5s));
+}
+
+TEST_CASE("strangers: numbers that are chosen to collide cost the name server no more than others") {
+    // Processor time of a claim whose services name packets by multiples of a number, and of its withdrawal.
+    auto cost_of = [](std::uint64_t factor) {
+        names_test::system it(true, 1);
+        bool over = false;
+        it.start_body("elsewhere", "stranger", [&](ise::component& self) -> ise::task<> {
+            auto request = claim_of("x");
+            request.components.push_back(request.components.front());
+            request.components.back().path = "y";
+            std::uint64_t number = 0;
+            for (auto& claim : request.components)
+                for (int name = 0; name < 1024; ++name) {
+                    ise::naming::service_entry service;
+                    service.name = std::to_string(name);
+                    for (int packet = 0; packet < 16; ++packet) service.fingerprints.push_back(++number * factor);
+                    claim.services.push_back(std::move(service));
+                }
+            auto server = name_server_of(self);
+            auto granted = co_await server.try_call(ise::naming::enroll, request, 10s);
+            REQUIRE(granted);
+            REQUIRE(granted->grants.back().what == ise::naming::verdict::granted);
+            ise::naming::withdraw_request leaving;
+            leaving.lease_key = request.node.lease_key;
+            leaving.departures = {{"x", 0}, {"y", 0}};
+            auto gone = co_await server.try_call(ise::naming::withdraw, leaving, 10s);
+            REQUIRE(gone);
+            over = true;
+        });
+        auto before = std::clock();
+        REQUIRE(it.world.run_until([&] { return over; }, 60s));
+        return static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC;
+    };
+    constexpr std::uint64_t buckets = 42043; // of a table of libstdc++ with as many entries
+    auto usual = cost_of(0x9e3779b97f4a7c15), chosen = cost_of(buckets);
+    CAPTURE(usual, chosen);
+    CHECK(chosen < 4 * usual);
 }
 
 } // namespace strangers_test
