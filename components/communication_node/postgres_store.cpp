@@ -303,7 +303,8 @@ void postgres_store::packets(std::uint64_t after, std::uint64_t up_to, std::size
 }
 
 // With a window of time the positions come from the index by time alone; the order of positions would read the whole
-// voyage for a few late packets.
+// voyage for a few late packets. The window stands twice: only then the server looks for the rows in its partitions
+// alone, and finds them by their positions.
 void postgres_store::track(const track_request& request, std::uint64_t up_to, then<track_page> done) {
     auto after = lives_.known_by(request.seen);
     auto most = std::size_t{request.max_packets};
@@ -314,7 +315,7 @@ void postgres_store::track(const track_request& request, std::uint64_t up_to, th
     auto sql = fmt::format("SELECT {0} FROM atirma.packets p JOIN (SELECT position AS at, measured AS then FROM "
                            "atirma.packets WHERE boat = $1 AND position > $2 AND position <= $3 {1} ORDER BY position "
                            "LIMIT {2}) wanted ON p.boat = $1 AND p.position = wanted.at AND p.measured = wanted.then "
-                           "ORDER BY position",
+                           "{1} ORDER BY position",
                            columns_of_packet, chosen, most + 1);
     if (!window)
         sql = fmt::format("SELECT {0} FROM atirma.packets WHERE boat = $1 AND position > $2 AND position <= $3 {1} "

@@ -54,7 +54,12 @@ TEST_CASE("top fills a terminal of 80 by 24, wraps nothing, and follows when it 
     top.resize(140, 40);
     CHECK(top.wait_for("UNSENT"));
     CHECK(top.wait_until([&] { return top.lines().at(39).find("filter") != std::string::npos; }));
+    top.press("?"); // a page that does not change: what is drawn then is of the new size
+    REQUIRE(top.wait_for("any key goes back"));
+    auto drawn = top.raw().size();
     top.resize(20, 5);
+    REQUIRE(top.wait_until([&] { return top.raw().find("\x1b[2J", drawn) != std::string::npos; }));
+    top.press("x");
     CHECK(top.wait_until([&] { return top.lines().at(4).find("select") != std::string::npos; }));
     CHECK(top.wrapped() == 0);
     top.press("q");

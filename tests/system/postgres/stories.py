@@ -283,6 +283,28 @@ def story_two_nodes(folder, shore):
         server.stop()
 
 
+def story_track_of_a_day(folder, shore):
+    """The track of a day is looked for in the partition of its month only, however long the boat has sailed."""
+    server = Server(folder)
+    try:
+        migrated(shore, server)
+        shore.node(1, server.url)
+        for month in range(6):
+            packets = [packet(month * 100 + i, at=MORNING_MS + month * 31 * DAY_MS + i * 60_000) for i in range(100)]
+            done = shore.call(1, "telemetry_store", {"packets": packets})
+            expect("they are kept", done.returncode == 0 and json.loads(done.stdout)["fresh"] == 100, done.stderr)
+        server.ask("ANALYZE atirma.packets")
+        counted = "SELECT sum(n_tup_ins) FROM pg_stat_user_tables WHERE relname LIKE 'packets\\_%'"
+        until(lambda: server.ask(counted) == "600", "the server counts them")
+        server.ask("SELECT pg_stat_reset()")
+        day = (MORNING_MS + 3 * 31 * DAY_MS) / 1000
+        expect("the day's packets", shore.track(1, **{"from": day, "until": day + 86_400}) == list(range(300, 400)))
+        scanned = "SELECT string_agg(relname, ',') FROM pg_stat_user_tables WHERE relname LIKE 'packets\\_%' AND seq_scan + idx_scan > 0"
+        expect("only its month is looked at", until(lambda: server.ask(scanned), "the server counts it") == "packets_2024_02", server.ask(scanned))
+    finally:
+        server.stop()
+
+
 def story_takes_over(folder, shore):
     """The open telecommands of a killed node go on at another one, and a node is refused a peer."""
     server = Server(folder)
