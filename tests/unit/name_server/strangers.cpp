@@ -1,7 +1,9 @@
 // Whoever can connect can claim what he likes: the others' names go on.
 #include "system.hpp"
 
-#include <ctime>
+#include <ise/name_server/secret_hash.hpp>
+
+#include <algorithm>
 
 namespace strangers_test {
 
@@ -122,42 +124,18 @@ TEST_CASE("strangers: a component that starts while there is no room is register
     CHECK(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 5s));
 }
 
-TEST_CASE("strangers: numbers that are chosen to collide cost the name server no more than others") {
-    // Processor time of a claim whose services name packets by multiples of a number, and of its withdrawal.
-    auto cost_of = [](std::uint64_t factor) {
-        names_test::system it(true, 1);
-        bool over = false;
-        it.start_body("elsewhere", "stranger", [&](ise::component& self) -> ise::task<> {
-            auto request = claim_of("x");
-            request.components.push_back(request.components.front());
-            request.components.back().path = "y";
-            std::uint64_t number = 0;
-            for (auto& claim : request.components)
-                for (int name = 0; name < 1024; ++name) {
-                    ise::naming::service_entry service;
-                    service.name = std::to_string(name);
-                    for (int packet = 0; packet < 16; ++packet) service.fingerprints.push_back(++number * factor);
-                    claim.services.push_back(std::move(service));
-                }
-            auto server = name_server_of(self);
-            auto granted = co_await server.try_call(ise::naming::enroll, request, 10s);
-            REQUIRE(granted);
-            REQUIRE(granted->grants.back().what == ise::naming::verdict::granted);
-            ise::naming::withdraw_request leaving;
-            leaving.lease_key = request.node.lease_key;
-            leaving.departures = {{"x", 0}, {"y", 0}};
-            auto gone = co_await server.try_call(ise::naming::withdraw, leaving, 10s);
-            REQUIRE(gone);
-            over = true;
-        });
-        auto before = std::clock();
-        REQUIRE(it.world.run_until([&] { return over; }, 60s));
-        return static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC;
+TEST_CASE("strangers: numbers that are chosen to collide are spread over the name server's tables") {
+    constexpr std::size_t count = 1 << 15;
+    const auto longest = [](auto table) {
+        for (std::uint64_t number = 0; number < count; ++number) table.emplace(number, 0);
+        std::unordered_map<std::uint64_t, int, typename decltype(table)::hasher> chosen(0, table.hash_function());
+        for (std::uint64_t number = 0; number < count; ++number) chosen.emplace(number * table.bucket_count(), 0);
+        std::size_t found = 0;
+        for (std::size_t at = 0; at < chosen.bucket_count(); ++at) found = std::max(found, chosen.bucket_size(at));
+        return found;
     };
-    constexpr std::uint64_t buckets = 42043; // of a table of libstdc++ with as many entries
-    auto usual = cost_of(0x9e3779b97f4a7c15), chosen = cost_of(buckets);
-    CAPTURE(usual, chosen);
-    CHECK(chosen < 4 * usual);
+    CHECK(longest(std::unordered_map<std::uint64_t, int>()) == count); // in the table of the library all meet
+    CHECK(longest(ise::by_number<int>(0, ise::secret_hash({1, 2}))) < 32);
 }
 
 } // namespace strangers_test
