@@ -62,7 +62,7 @@ result<void> call_journal::end(const std::string& key, const call_outcome& outco
     return bound_answers();
 }
 
-/// A quarter goes at once, so that it is seldom looked for. A request whose answer has gone is still not executed again.
+// A quarter goes at once, so that it is seldom looked for. A request whose answer has gone is still not executed again.
 result<void> call_journal::bound_answers() {
     if (!kept_bytes_) {
         auto sum = db_->query("SELECT coalesce(sum(length(payload)), 0) FROM calls");
