@@ -51,6 +51,8 @@ ise::http_response iridium_proxy::on_post(const ise::http_request& request) {
     };
     if (!ise::within_host(state_->webhook->where()) && !state_->gateways.accepts(request.peer))
         return refused(403, "your address is not on the list of the gateway's (--gateway-addresses)");
+    if (!request.message.header("origin").empty()) // of any site that somebody on this host visits
+        return refused(403, "a page in a browser is not the gateway");
     if (request.path != options_.webhook_path) return refused(404, "the web hook is " + options_.webhook_path);
     if (request.message.method != "POST") return refused(405, "the web hook takes POST, not " + request.message.method);
     auto delivery = iridium::parse_mo_delivery(request.message.body);

@@ -105,14 +105,15 @@ std::vector<std::string> addresses(InternetAddressList* list) {
     return found;
 }
 
-/// The values of a header that may stand there several times, from the top.
+/// The values of a header that may stand there several times, from the top, as they are written: an encoded word (RFC
+/// 2047) in what a sender has chosen must not become anything else there.
 std::vector<std::string> values_of(GMimeMessage* message, const char* name) {
     std::vector<std::string> found;
     auto* headers = g_mime_object_get_header_list(GMIME_OBJECT(message));
     for (int i = 0; i < g_mime_header_list_get_count(headers) && found.size() < 100; ++i) {
         auto* one = g_mime_header_list_get_header_at(headers, i);
         if (g_ascii_strcasecmp(g_mime_header_get_name(one), name) == 0)
-            found.push_back(as_utf8(g_mime_header_get_value(one)));
+            found.push_back(as_utf8(g_mime_header_get_raw_value(one)));
     }
     return found;
 }

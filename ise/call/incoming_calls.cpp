@@ -64,11 +64,6 @@ void tap_end(const incoming_calls& at, service_runtime& runtime, std::uint64_t i
     taps_of(runtime).end(&at, id, runtime, runtime.on().now(), std::move(outcome), std::move(message), raw.to_bytes());
 }
 
-failure replies_not_taken(std::size_t unsent, execution state) {
-    return failure(errc::overloaded, fmt::format("{} bytes of replies wait for being taken (session_bytes)", unsent),
-                   state);
-}
-
 } // namespace
 
 result<void> incoming_calls::on_introduce(const net::carried_frame& received) {
@@ -164,10 +159,12 @@ result<void> incoming_calls::on_request(const net::carried_frame& received) {
     }
     if (slot_of(id) < running_.size() && running_[slot_of(id)].of)
         return malformed("with the number of a call that runs");
-    if (auto unsent = over_.wire().out().pending_call_bytes(); unsent > runtime.options().session_bytes) {
-        if (auto good = over_.takes_answers(); !good) return good;
-        turn_away(call, replies_not_taken(unsent, execution::not_executed));
-        return {};
+    if (over_.replies_wait()) [[unlikely]] {
+        if (auto why = over_.replies_not_taken(execution::not_executed)) {
+            if (auto good = over_.takes_answers(); !good) return good;
+            turn_away(call, std::move(*why));
+            return {};
+        }
     }
 
     call.deadline =
@@ -435,11 +432,12 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
         if (!over_.open()) return;
     }
     auto& wire = over_.wire();
-    if (auto unsent = wire.out().pending_call_bytes();
-        number == 0 && unsent > over_.runtime().options().session_bytes) {
-        of.service->meter().failed(errc::overloaded);
-        refuse(id, replies_not_taken(unsent, execution::unknown));
-        return;
+    if (number == 0 && over_.replies_wait()) [[unlikely]] {
+        if (auto why = over_.replies_not_taken(execution::unknown)) {
+            of.service->meter().failed(errc::overloaded);
+            refuse(id, *why);
+            return;
+        }
     }
     buffer& out = number == 0 ? wire.out().calls() : over_.on().common<answer_room>().cleared();
     std::size_t start = out.size();
@@ -458,6 +456,8 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
                             fmt::format("the response of '{}' has {} bytes, its caller accepts {} (max_message_bytes)",
                                         of.name, size, most),
                             execution::unknown);
+        else if (number == 0 && out.size() - start > unread_replies::free_bytes)
+            problem = over_.replies_not_taken(execution::unknown, out.size() - start);
     } catch (const std::exception& thrown) {
         problem.emplace(errc::handler_failed,
                         fmt::format("the response of '{}' cannot be encoded: {}", of.name, thrown.what()),
@@ -493,11 +493,11 @@ void incoming_calls::send_answer(std::uint64_t id, bytes_view frame) {
     forget(id);
     if (!over_.open()) return;
     auto& wire = over_.wire();
-    auto unsent = wire.out().pending_call_bytes();
-    if (unsent > over_.runtime().options().session_bytes &&
-        wire::read_header(frame.data()).type == wire::frame_type::reply) {
-        refuse(id, replies_not_taken(unsent, execution::unknown));
-        return;
+    if (over_.replies_wait() && wire::read_header(frame.data()).type == wire::frame_type::reply) [[unlikely]] {
+        if (auto why = over_.replies_not_taken(execution::unknown)) {
+            refuse(id, *why);
+            return;
+        }
     }
     buffer& out = wire.out().calls();
     std::size_t start = out.size();

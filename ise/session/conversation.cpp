@@ -16,7 +16,9 @@ conversation::conversation(service_runtime& runtime, std::shared_ptr<net::connec
     verified_.who = access::identity_of(verified_, runtime.own_identity(), policy.get());
 }
 
-conversation::~conversation() = default;
+conversation::~conversation() {
+    if (replies_waited_) runtime_.unread().forget(*connection_);
+}
 
 bool of_its_maker(const service_runtime& runtime, const verified_peer& peer) {
     return runtime.self().path.empty() && is_own_user(peer.user);
@@ -95,11 +97,30 @@ void conversation::send_ahead(wire::frame_type type, std::uint64_t id, function_
     connection_->written();
 }
 
-result<void> conversation::takes_answers() const {
+std::optional<failure> conversation::replies_not_taken(execution state, std::size_t besides) {
+    auto unsent = connection_->out().pending_call_bytes() - besides;
+    if (unsent > runtime_.options().session_bytes)
+        return failure(errc::overloaded,
+                       fmt::format("{} bytes of replies wait for being taken (session_bytes)", unsent), state);
+    replies_waited_ = true;
+    auto of_host = runtime_.unread().with(*connection_) - besides;
+    if (of_host <= runtime_.options().host_bytes()) return std::nullopt;
+    return failure(
+        errc::overloaded,
+        fmt::format("{} bytes of replies wait for being taken by sessions of one host (host_bytes)", of_host), state);
+}
+
+result<void> conversation::takes_answers() {
     auto unsent = connection_->out().pending_call_bytes();
-    if (unsent <= 2 * runtime_.options().session_bytes) return {};
+    if (unsent > 2 * runtime_.options().session_bytes)
+        return failure(errc::overloaded,
+                       fmt::format("does not take its answers: {} bytes of them wait (session_bytes)", unsent));
+    if (!replies_wait()) return {};
+    replies_waited_ = true;
+    auto of_host = runtime_.unread().with(*connection_);
+    if (of_host <= 2 * runtime_.options().host_bytes()) return {};
     return failure(errc::overloaded,
-                   fmt::format("does not take its answers: {} bytes of them wait (session_bytes)", unsent));
+                   fmt::format("does not take its answers: {} bytes of them wait for its host (host_bytes)", of_host));
 }
 
 std::optional<failure> objection_to(const wire::introduction& result) {

@@ -36,6 +36,8 @@ struct service_options {
     /// The memory that one session may take: for calls and replies that the peer does not read (more are refused as
     /// overloaded), and for the schemas that it tells of. What else a session holds is bounded by a share of it.
     std::size_t session_bytes = std::size_t{64} << 20;
+    /// The same for the replies of all sessions of one host together.
+    std::size_t host_bytes() const noexcept { return 4 * session_bytes; }
     /// Published packets that wait to be sent; beyond, the policies apply as if the queues were full.
     std::size_t queued_bytes() const noexcept { return 4 * session_bytes; }
     /// Packets that wait until schemas have been compared.

@@ -8,6 +8,7 @@
 #include <ise/net/heartbeats.hpp>
 #include <ise/session/schema_cache.hpp>
 #include <ise/session/service_options.hpp>
+#include <ise/session/unread_replies.hpp>
 #include <ise/wire/messages.hpp>
 
 #include <array>
@@ -82,6 +83,7 @@ public:
     service_counts& counts() noexcept { return counts_; }
     /// What is known of packets: of this component's own, and what peers have told.
     schema_cache& schemas() noexcept { return schemas_; }
+    unread_replies& unread() noexcept { return unread_; }
 
     const wire::identity& self() const noexcept { return self_; }
     void set_epoch(std::uint64_t epoch) noexcept { self_.epoch = epoch; }
@@ -139,6 +141,7 @@ private:
     service_options options_;
     logger log_;
     schema_cache schemas_;
+    unread_replies unread_;
     service_counts counts_;
     std::shared_ptr<net::heartbeat_senders> signs_ = std::make_shared<net::heartbeat_senders>();
     std::array<log_limiter, peer_troubles> troubles_;

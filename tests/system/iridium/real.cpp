@@ -176,6 +176,13 @@ TEST_CASE("iridium: posts by real sockets are answered as their content deserves
         CHECK(status_of(post(at, "", "/rockblock/mo", "GET")) == 405);
         CHECK(status_of(post(at, std::string(70'000, 'x'))) == 413);
         CHECK(status_of(exchange(at, "hello\r\n\r\n", false)) == 400);
+        auto forged = iridium::encode_mo_form(delivery(3)); // by a page that a user of this machine opens
+        CHECK(status_of(exchange(at,
+                                 fmt::format("POST /rockblock/mo HTTP/1.1\r\nHost: {}:{}\r\nOrigin: "
+                                             "https://evil.example\r\nContent-Length: {}\r\nConnection: "
+                                             "close\r\n\r\n{}",
+                                             at.host, at.port, forged.size(), forged),
+                                 false)) == 403);
         REQUIRE(console.wait([&] { return console.telemetry.size() == 2; }));
         node.stop();
         node.wait();

@@ -122,6 +122,46 @@ TEST_CASE("hostile: replies that nobody takes are bounded and others get theirs"
     at.others_do_not_notice();
 }
 
+TEST_CASE("hostile: a host gains no memory by many sessions that take no replies, and others get theirs") {
+    ise::service_options options;
+    options.session_bytes = 1 << 20;
+    harbour at("tcp", options);
+    constexpr int sessions = 40;
+    std::list<raw_peer> peers;
+    blob big;
+    big.content.resize(GENERATE(50'000u, 600'000u)); // less and more than is not counted
+    std::size_t most = 0;
+    auto unread = [&] {
+        std::size_t all = 0;
+        for (const auto& [session, held] : at.boat.services->sessions())
+            all += session->wire().out().pending_call_bytes();
+        return all;
+    };
+    for (int i = 0; i < sessions; ++i) {
+        auto& peer = peers.emplace_back(at.all, at.sea, at.channel, false);
+        peer.greet("raw" + std::to_string(i));
+        peer.introduce(0, "echo", echo.types().fingerprints);
+    }
+    for (std::uint64_t call = 0; call < 40; ++call)
+        for (auto& peer : peers) {
+            if (peer.closed()) continue;
+            peer.request(call, 0, 1h, big);
+            peer.finish();
+            most = std::max(most, unread());
+        }
+    at.all.world.run_for(1s);
+    CHECK(std::max(most, unread()) < options.host_bytes() + sessions * 2 * ise::unread_replies::free_bytes + 600'000);
+    at.others_do_not_notice();
+    peers.clear();
+    at.all.world.run_for(10s);
+    raw_peer again(at.all, at.sea, at.channel);
+    again.greet();
+    again.introduce(0, "echo", echo.types().fingerprints);
+    again.request(0, 0, 1h, big);
+    again.finish();
+    CHECK(at.all.run_until([&] { return again.count(frame_type::reply) == 1; }));
+}
+
 TEST_CASE("hostile: who takes no replies and goes on calling is ended at twice session_bytes") {
     ise::service_options options;
     options.session_bytes = 100'000;

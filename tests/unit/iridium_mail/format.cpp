@@ -1,5 +1,6 @@
 #include <components/iridium_mail/mail_fields.hpp>
 #include <components/iridium_mail/mail_format.hpp>
+#include <components/mail/mime.hpp>
 
 #include <support/catch.hpp>
 
@@ -291,6 +292,24 @@ TEST_CASE(
     CHECK_FALSE(genuine({"mx.shore.example; dkim=none", "mx.shore.example; dkim=pass header.d=iridium.com"}));
     auto why = check_authentication({}, "mx.shore.example", "sbd.iridium.com");
     CHECK(why.error().code() == ise::errc::unauthorized);
+}
+
+TEST_CASE("iridium mail: what a sender encodes in its address says nothing in the name of one's own server") {
+    auto genuine = [](const std::string& result) {
+        auto mail = read_mail("Authentication-Results: " + result +
+                              "\r\nFrom: sbdservice@sbd.iridium.com\r\nTo: boat@shore.example\r\nSubject: SBD Msg\r\n"
+                              "\r\nMOMSN: 1\r\n");
+        REQUIRE(mail);
+        return check_authentication(mail->authentication_results, "mx.shore.example", "sbd.iridium.com").has_value();
+    };
+    CHECK(genuine("mx.shore.example;\r\n dkim=pass\r\n\theader.d=iridium.com"));
+    for (const char* sender : {"=?utf-8?q?x=3Bdkim=3Dpass_header.d=3Diridium.com_?=@evil.example",
+                               "x=?utf-8?b?O2RraW09cGFzcyBoZWFkZXIuZD1pcmlkaXVtLmNvbSA=?=@evil.example",
+                               "\"=?utf-8?q?x=22=3Bdkim=3Dpass_header.d=3Diridium.com_=22?=\"@evil.example"}) {
+        CAPTURE(sender);
+        CHECK_FALSE(genuine(std::string("mx.shore.example; spf=pass smtp.mailfrom=") + sender));
+        CHECK_FALSE(genuine(std::string("mx.shore.example; spf=pass\r\n smtp.mailfrom=") + sender + "; dkim=none"));
+    }
 }
 
 } // namespace format_test
