@@ -17,7 +17,7 @@ conversation::conversation(service_runtime& runtime, std::shared_ptr<net::connec
 }
 
 conversation::~conversation() {
-    if (replies_waited_) runtime_.unread().forget(*connection_);
+    if (counted_in_) counted_in_->forget(*connection_);
 }
 
 bool of_its_maker(const service_runtime& runtime, const verified_peer& peer) {
@@ -102,8 +102,8 @@ std::optional<failure> conversation::replies_not_taken(execution state, std::siz
     if (unsent > runtime_.options().session_bytes)
         return failure(errc::overloaded,
                        fmt::format("{} bytes of replies wait for being taken (session_bytes)", unsent), state);
-    replies_waited_ = true;
-    auto of_host = runtime_.unread().with(*connection_) - besides;
+    counted_in_ = runtime_.unread();
+    auto of_host = counted_in_->with(*connection_) - besides;
     if (of_host <= runtime_.options().host_bytes()) return std::nullopt;
     return failure(
         errc::overloaded,
@@ -116,8 +116,8 @@ result<void> conversation::takes_answers() {
         return failure(errc::overloaded,
                        fmt::format("does not take its answers: {} bytes of them wait (session_bytes)", unsent));
     if (!replies_wait()) return {};
-    replies_waited_ = true;
-    auto of_host = runtime_.unread().with(*connection_);
+    counted_in_ = runtime_.unread();
+    auto of_host = counted_in_->with(*connection_);
     if (of_host <= 2 * runtime_.options().host_bytes()) return {};
     return failure(errc::overloaded,
                    fmt::format("does not take its answers: {} bytes of them wait for its host (host_bytes)", of_host));

@@ -72,9 +72,9 @@ private:
     std::shared_ptr<net::connection> connection_;
     schema_exchange schemas_;
     verified_peer verified_;
-    bool replies_waited_ = false;
-    std::unique_ptr<access::view> view_; // of the policy by the peer; once it was asked for
-    const transport* const over_;        // of a peer without a name; null: it has one, or the transport is not known
+    std::shared_ptr<unread_replies> counted_in_; // once replies waited
+    std::unique_ptr<access::view> view_;         // of the policy by the peer; once it was asked for
+    const transport* const over_; // of a peer without a name; null: it has one, or the transport is not known
 };
 
 /// Why a peer's introduction of a service cannot be taken, by the limit's name; the session ends over it.

@@ -83,7 +83,8 @@ public:
     service_counts& counts() noexcept { return counts_; }
     /// What is known of packets: of this component's own, and what peers have told.
     schema_cache& schemas() noexcept { return schemas_; }
-    unread_replies& unread() noexcept { return unread_; }
+    /// Sessions that have to do with it keep it.
+    const std::shared_ptr<unread_replies>& unread() const noexcept { return unread_; }
 
     const wire::identity& self() const noexcept { return self_; }
     void set_epoch(std::uint64_t epoch) noexcept { self_.epoch = epoch; }
@@ -141,7 +142,7 @@ private:
     service_options options_;
     logger log_;
     schema_cache schemas_;
-    unread_replies unread_;
+    std::shared_ptr<unread_replies> unread_ = std::make_shared<unread_replies>();
     service_counts counts_;
     std::shared_ptr<net::heartbeat_senders> signs_ = std::make_shared<net::heartbeat_senders>();
     std::array<log_limiter, peer_troubles> troubles_;

@@ -157,7 +157,7 @@ TEST_CASE("hostile: a host gains no memory by many sessions that take no replies
     raw_peer again(at.all, at.sea, at.channel);
     again.greet();
     again.introduce(0, "echo", echo.types().fingerprints);
-    again.request(0, 0, 1h, big);
+    again.request(0, 0, 1h, blob());
     again.finish();
     CHECK(at.all.run_until([&] { return again.count(frame_type::reply) == 1; }));
 }
