@@ -151,6 +151,21 @@ TEST_CASE("commands are grouped, and the help of each has examples and the optio
     }
 }
 
+TEST_CASE("every program says its name and what is missing on its command line") {
+    auto said = [](std::vector<std::string> words) {
+        auto ran = run_program(std::move(words));
+        CHECK(ran.exit_code == 2);
+        return ran.err;
+    };
+    CHECK_THAT(said({"ise_instantiation_server", "--name", "boat"}),
+               Catch::StartsWith("ise_instantiation_server: --programs is required\n"));
+    CHECK_THAT(said({"ise_name_server", "--lease"}), Catch::StartsWith("ise_name_server: --lease"));
+    CHECK_THAT(said({"atirma"}), Catch::StartsWith("atirma: one of these is required: ") && Catch::Contains(" run "));
+    CHECK_THAT(said({"atirma", "run"}), Catch::StartsWith("atirma: one of these is required: boat-simulator "));
+    CHECK_THAT(said({"atirma", "replay", "voyage.mcap"}),
+               Catch::StartsWith("atirma: one of these is required: ") && Catch::Contains("communication-node"));
+}
+
 TEST_CASE("where no name server runs the command says how to start one") {
     start_options options;
     options.variables = {{"ISE_NAME_SERVER", "local://@ise-test-nobody-listens-here"}};
