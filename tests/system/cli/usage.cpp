@@ -1,4 +1,6 @@
 // The command line as a shell sees it: what needs no running component.
+#include "folder.hpp"
+
 #include <support/catch.hpp>
 #include <support/program.hpp>
 #include <test_folders.hpp>
@@ -164,6 +166,16 @@ TEST_CASE("every program says its name and what is missing on its command line")
     CHECK_THAT(said({"atirma", "run"}), Catch::StartsWith("atirma: one of these is required: boat-simulator "));
     CHECK_THAT(said({"atirma", "replay", "voyage.mcap"}),
                Catch::StartsWith("atirma: one of these is required: ") && Catch::Contains("communication-node"));
+}
+
+TEST_CASE("a folder in the place of a file is said to be one") {
+    cli_test::folder in;
+    for (auto words :
+         {std::vector<std::string>{"ise", "trace", in.path.string()}, {"ise", "validate", in.path.string()}}) {
+        auto ran = run_program(words);
+        CHECK(ran.exit_code == 2);
+        CHECK_THAT(ran.err, Catch::Contains("cannot read " + in.path.string() + ": it is a folder"));
+    }
 }
 
 TEST_CASE("where no name server runs the command says how to start one") {
