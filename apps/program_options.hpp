@@ -19,6 +19,21 @@ public:
     }
 };
 
+/// After a failed parse: prints the help that was asked for, or what is wrong, as "PROGRAM: what". The exit code: 0, or 2.
+inline int exit_of(CLI::App& app, const CLI::ParseError& why) {
+    app.failure_message([](const CLI::App* of, const CLI::Error& wrong) {
+        std::string program = of->get_name(), text = wrong.what();
+        while (!of->get_subcommands().empty()) of = of->get_subcommands().back();
+        if (text == "A subcommand is required") { // which CLI11 does not name
+            text = "one of these is required:";
+            for (const auto* one : of->get_subcommands([](const CLI::App*) { return true; }))
+                text += " " + one->get_name();
+        }
+        return program + ": " + text + "\nRun with --help for more information.\n";
+    });
+    return app.exit(why) == 0 ? 0 : 2;
+}
+
 /// --key, --key-legacy, --tls and --access, as every program has them. `given` outlives the parse.
 inline void add_credentials(CLI::App& app, ise::security_options& given) {
     app.add_option("--key", given.key_file,

@@ -323,7 +323,7 @@ int obey(int count, char** words) {
                 return 2;
             }
         }
-        return app.exit(why) == 0 ? 0 : 2; // prints help or the error
+        return exit_of(app, why);
     }
     try {
         if (!common.name_server.empty()) ise::parse_name_servers(common.name_server).value();

@@ -264,7 +264,7 @@ int run(const arguments& given, int count, char** words) {
 
 int main(int count, char** words) {
     arguments given;
-    CLI::App app{"The operator's console of A-Tirma"};
+    CLI::App app{"The operator's console of A-Tirma", "atirma_console"};
     app.formatter(std::make_shared<wrapped_help>());
     app.set_version_flag("--version", "atirma_console " ATIRMA_VERSION);
     app.add_option("--name-server", given.name_server,
@@ -310,7 +310,7 @@ int main(int count, char** words) {
     try {
         app.parse(count, words);
     } catch (const CLI::ParseError& why) {
-        return app.exit(why) == 0 ? 0 : 2; // prints help or the error
+        return exit_of(app, why);
     }
     try {
         for (const auto& at : {given.name_server, variable("ISE_NAME_SERVER")})

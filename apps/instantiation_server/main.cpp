@@ -23,7 +23,6 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr int cannot_run = 1;
-constexpr int wrong_usage = 2;
 
 struct settings {
     std::string programs;
@@ -219,7 +218,7 @@ int main(int argc, char** argv) {
         app.parse(argc, argv);
         return run(wanted);
     } catch (const CLI::ParseError& wrong) {
-        return app.exit(wrong) == 0 ? 0 : wrong_usage;
+        return exit_of(app, wrong);
     } catch (const std::exception& thrown) {
         ise::complain("ise_instantiation_server", thrown.what());
         return cannot_run;

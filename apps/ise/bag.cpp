@@ -71,7 +71,10 @@ private:
     static bag::writer make(const std::string& path) {
         bag::writer_options how;
         how.library = "ise " ISE_VERSION;
-        return bag::writer::make(bag::create_file(path).value(), how).value();
+        auto file = bag::create_file(path).value();
+        auto made = bag::writer::make(std::move(file), how);
+        if (!made) std::remove(path.c_str());
+        return std::move(made).value();
     }
     std::string path_;
     bag::writer writer_;

@@ -51,6 +51,10 @@ struct ending {
 };
 
 task<> run_on(component& self, const parsed_command& what, interrupt& ctrl_c, ending& end) {
+    struct care_ends { // its handler holds what the command had
+        interrupt& of;
+        ~care_ends() { of.leave(); }
+    } at_the_end{ctrl_c};
     output out;
     context in{self, what.set, out, saturating_add(self.now(), what.set.timeout), ctrl_c};
     try {
@@ -75,9 +79,9 @@ task<> run_on(component& self, const parsed_command& what, interrupt& ctrl_c, en
 // As ise::run_until_signal, for a command that may care.
 void run_until_interrupted(node& running, interrupt& ctrl_c, asio::io_context& context, asio::signal_set& signals) {
     std::function<void()> listen = [&] {
-        signals.async_wait([&](std::error_code problem, int number) {
+        signals.async_wait([&](std::error_code problem, int) {
             if (problem) return;
-            if (number == SIGINT && ctrl_c.raise()) return listen();
+            if (ctrl_c.raise()) return listen();
             running.stop();
         });
     };

@@ -33,14 +33,15 @@ struct settings {
     security_options security; ///< empty: ISE_KEY and ISE_TLS
 };
 
-/// Ctrl-C for a command that has something to put right before it ends. Without a handler it just ends.
+/// Ctrl-C, SIGTERM or the end of its terminal, for a command that has something to put right before it ends. Without a
+/// handler it just ends.
 class interrupt {
 public:
-    /// From now on the first Ctrl-C calls `first` on the loop; the next one ends the command at once.
+    /// From now on the first one calls `first` on the loop; the next one ends the command at once.
     void care(loop& on, std::function<void()> first);
     /// Removes the handler. It is not called once this returns, on the loop of `care`.
     void leave();
-    /// Ctrl-C was pressed; from any thread. False: the command is to end.
+    /// A signal came; from any thread. False: the command is to end.
     bool raise();
 
 private:

@@ -13,6 +13,7 @@
 #include <cerrno>
 #include <cstring>
 #include <memory>
+#include <optional>
 #include <utility>
 
 #include <unistd.h>
@@ -72,8 +73,11 @@ task<> play(context& in, play_options options) {
     co_await in.self.offload(begin);
     note(in.set, fmt::format("playing {} as {}; Ctrl-C ends it", printable(options.what.file),
                              printable(enumerate(on->play->paths()))));
-    while (!on->play->done() && !on->stopped) {
+    std::optional<stop_report> failed; // such as one whose name somebody else has
+    while (!on->play->done() && !on->stopped && !failed) {
         co_await in.self.sleep(std::chrono::milliseconds(50));
+        for (auto& one : on->running->reports())
+            if (!failed && !one.failure.empty()) failed = std::move(one);
     }
     auto end = [on] {
         on->running->stop();
@@ -99,6 +103,10 @@ task<> play(context& in, play_options options) {
         on->running.reset();
     };
     co_await in.self.offload(close);
+    if (failed)
+        throw problem(
+            exit_code::failed, "failed", fmt::format("{} is not played: {}", failed->path, failed->failure),
+            fmt::format("--rename {}=OTHER plays it under another name, --only chooses what is played", failed->path));
     co_await in.out.write(in.self, std::move(text));
     if (trouble) throw problem(*trouble);
     if (different)

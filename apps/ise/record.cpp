@@ -7,11 +7,16 @@
 #include <ise/bag/recorder.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/core/time_text.hpp>
+#include <ise/naming/services.hpp>
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
+#include <optional>
+#include <string>
 #include <utility>
+#include <vector>
 
 namespace ise::cli {
 namespace {
@@ -39,9 +44,27 @@ std::string as_text(const record_answer& of) {
     return text + "\n";
 }
 
+// A name may be mistyped, or its component comes later.
+task<> note_absent(context& in, const std::vector<std::string>& paths) {
+    auto listed = co_await listed_names(in, ""); // also whether there is a name server
+    std::vector<std::string> known;
+    for (const auto& one : listed) known.push_back(one.path);
+    for (const auto& path : paths)
+        if (std::ranges::none_of(known, [&](const auto& one) { return naming::lies_below(one, path); }))
+            note_nothing(in, path, known);
+}
+
+// What came before is in the file.
+problem of_file(const failure& why, const bag::recorder_counts& counts) {
+    if (counts.messages == 0 || counts.files.empty()) return problem(why);
+    return problem(why, fmt::format("{} messages came before: make room; ise bag recover {} --out FILE makes a whole "
+                                    "recording of them",
+                                    counts.messages, counts.files.back()));
+}
+
 task<> record(context& in, record_options options) {
-    [[maybe_unused]] auto server = co_await reach_name_server(in); // whether there is one
     auto& what = options.what;
+    co_await note_absent(in, what.paths);
     what.name_servers = name_servers_of(in.set, in.self.env());
     what.files.format.library = "ise " ISE_VERSION;
     what.files.about["host"] = in.self.env().identity().host_name;
@@ -53,7 +76,13 @@ task<> record(context& in, record_options options) {
     note(in.set, what.ring > duration{} ? fmt::format("keeping the last {} until something happens; Ctrl-C ends it",
                                                       show_duration(what.ring))
                                         : fmt::format("recording to {}; Ctrl-C ends it", printable(what.files.file)));
-    co_await core.run();
+    std::optional<problem> broken;
+    try {
+        co_await core.run();
+    } catch (const error& why) {
+        broken = of_file(why.why(), core.counts());
+    }
+    if (broken) throw problem(std::move(*broken));
     in.ctrl_c.leave();
     const auto& counts = core.counts();
     record_answer answer;

@@ -20,7 +20,6 @@
 namespace {
 
 constexpr int cannot_run = 1;
-constexpr int wrong_usage = 2;
 
 void complain(std::string_view what) { ise::complain("ise_name_server", what); }
 
@@ -222,7 +221,7 @@ int main(int argc, char** argv) {
         app.parse(argc, argv);
         return run(wanted, duration_of(wanted.lease));
     } catch (const CLI::ParseError& wrong) {
-        return app.exit(wrong) == 0 ? 0 : wrong_usage;
+        return exit_of(app, wrong);
     } catch (const std::exception& thrown) {
         complain(thrown.what());
         return cannot_run;

@@ -5,7 +5,9 @@
 #include <fmt/format.h>
 
 #include <cerrno>
+#include <filesystem>
 #include <fstream>
+#include <system_error>
 
 namespace ise {
 
@@ -13,6 +15,8 @@ result<std::string> real_environment::read_file(const std::string& path, std::si
     auto refuse = [&](std::string_view why) {
         return failure(errc::io_failed, fmt::format("cannot read {}: {}", path, why));
     };
+    std::error_code ignored;
+    if (std::filesystem::is_directory(path, ignored)) return refuse("it is a folder");
     std::ifstream file(path, std::ios::binary | std::ios::ate);
     if (!file) return refuse(std::error_code(errno, std::system_category()).message());
     auto size = static_cast<std::streamoff>(file.tellg());

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <test_folders.hpp>
 #include <utility>
 #include <vector>
 
@@ -175,6 +176,62 @@ TEST_CASE("a recording is played under another name") {
     auto refused = there.ise({"play", text});
     CHECK(refused.exit_code == 4);
     CHECK_THAT(refused.err, Contains(text + ": at byte 0: it is no MCAP file"));
+}
+
+TEST_CASE("a recording is not played in the place of a component that runs") {
+    recording whole;
+    port there;
+    auto held = there.ise({"play", whole.path, "--loop"});
+    CHECK(held.exit_code == 1);
+    CHECK_THAT(held.err, Contains("atirma/boat is not played: 'atirma/boat' is held by process") &&
+                             Contains("--rename atirma/boat=OTHER plays it under another name"));
+}
+
+TEST_CASE("SIGTERM ends a recording and a replay as Ctrl-C does") {
+    recording whole;
+    port there;
+    ise_test::program plays(
+        {"ise", "--name-server", there.at.text(), "play", whole.path, "--rename", "atirma/boat=replay/boat", "--loop"});
+    CHECK_THAT(plays.read_error_line(), Contains("playing " + whole.path));
+    plays.signal(SIGTERM);
+    auto played = plays.wait();
+    CHECK(played.exit_code == 0);
+    CHECK_THAT(played.out, Contains("played "));
+    auto file = whole.in.file("ended.mcap");
+    ise_test::program records({"ise", "--name-server", there.at.text(), "record", "--out", file});
+    CHECK_THAT(records.read_error_line(), Contains("recording to " + file));
+    records.signal(SIGTERM);
+    CHECK(records.wait().exit_code == 0);
+    CHECK(bag({"check", file}).exit_code == 0);
+}
+
+TEST_CASE("record says which of its paths nobody has, and records them when they come") {
+    folder in;
+    port there;
+    auto ran = there.ise({"record", "atirma/bota", "atirma/shore", "--for", "300ms", "--out", in.file("none.mcap")});
+    CHECK(ran.exit_code == 0);
+    CHECK_THAT(ran.err, Contains("no component is registered under 'atirma/bota'; did you mean 'atirma/boat'") &&
+                            !Contains("'atirma/shore'"));
+}
+
+TEST_CASE("a disk that is full ends a recording with what is left to do, and a union without a trace") {
+    recording whole;
+    port there;
+    auto with_room = [](const char* blocks, std::vector<std::string> words) { // of 512 bytes, for each file
+        words.insert(words.begin(),
+                     {"/bin/sh", "-c", R"(trap '' XFSZ; ulimit -f $0; exec "$@")", blocks, ISE_BINARY_DIR "/bin/ise"});
+        return ise_test::run_program(std::move(words));
+    };
+    auto file = whole.in.file("full.mcap"), both = whole.in.file("both.mcap");
+    auto full = with_room("40", {"--name-server", there.at.text(), "record", "--compression", "none", "--out", file});
+    CHECK(full.exit_code != 0);
+    CHECK_THAT(full.err, Contains("cannot write " + file) && Contains("make room") &&
+                             Contains("ise bag recover " + file + " --out FILE"));
+    CHECK(bag({"recover", file, "--out", whole.in.file("recovered.mcap")}).exit_code == 0);
+    auto merged = with_room("0", {"bag", "merge", whole.path, "--out", both});
+    CHECK(merged.exit_code != 0);
+    CHECK_THAT(merged.err, Contains("cannot write " + both));
+    CHECK_FALSE(std::filesystem::exists(both));
 }
 
 } // namespace recordings_test

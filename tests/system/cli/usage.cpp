@@ -1,4 +1,6 @@
 // The command line as a shell sees it: what needs no running component.
+#include "folder.hpp"
+
 #include <support/catch.hpp>
 #include <support/program.hpp>
 #include <test_folders.hpp>
@@ -148,6 +150,31 @@ TEST_CASE("commands are grouped, and the help of each has examples and the optio
             INFO(line);
             CHECK(columns(line) <= 80);
         }
+    }
+}
+
+TEST_CASE("every program says its name and what is missing on its command line") {
+    auto said = [](std::vector<std::string> words) {
+        auto ran = run_program(std::move(words));
+        CHECK(ran.exit_code == 2);
+        return ran.err;
+    };
+    CHECK_THAT(said({"ise_instantiation_server", "--name", "boat"}),
+               Catch::StartsWith("ise_instantiation_server: --programs is required\n"));
+    CHECK_THAT(said({"ise_name_server", "--lease"}), Catch::StartsWith("ise_name_server: --lease"));
+    CHECK_THAT(said({"atirma"}), Catch::StartsWith("atirma: one of these is required: ") && Catch::Contains(" run "));
+    CHECK_THAT(said({"atirma", "run"}), Catch::StartsWith("atirma: one of these is required: boat-simulator "));
+    CHECK_THAT(said({"atirma", "replay", "voyage.mcap"}),
+               Catch::StartsWith("atirma: one of these is required: ") && Catch::Contains("communication-node"));
+}
+
+TEST_CASE("a folder in the place of a file is said to be one") {
+    cli_test::folder in;
+    for (auto words :
+         {std::vector<std::string>{"ise", "trace", in.path.string()}, {"ise", "validate", in.path.string()}}) {
+        auto ran = run_program(words);
+        CHECK(ran.exit_code == 2);
+        CHECK_THAT(ran.err, Catch::Contains("cannot read " + in.path.string() + ": it is a folder"));
     }
 }
 
