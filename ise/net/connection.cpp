@@ -298,6 +298,7 @@ void connection::write_out() {
         auto wrote = objects_ ? objects_->pass(batch_->whole(), batch_->attachments())
                               : transport_->try_write(batch_->remaining());
         if (wrote.problem && wrote.problem == asio::error::would_block) {
+            outbox_.batch_waits();
             // Not from within this: where there is room again already it would go on writing.
             if (std::exchange(writer_, writer::waiting) == writer::none)
                 on_.later([self = shared_from_this()] {
@@ -315,6 +316,7 @@ void connection::write_out() {
         if (!objects_) batch_->advance(wrote.bytes);
         alive_.sent(on_.now());
         if (objects_ || batch_->done()) {
+            outbox_.batch_went(batch_->bytes());
             batch_->clear();
             ++counts_.frames_out_batches;
         }

@@ -100,7 +100,7 @@ public:
     }
 
     /// The system holds at most about this many bytes that were not sent yet, and one write begins with at most twice
-    /// as many.
+    /// as many, unless the system took those before at once.
     void limit_unsent(std::size_t most) {
         transport_->limit_unsent(most);
         outbox_.limit_batch(2 * most);
