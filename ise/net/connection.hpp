@@ -169,6 +169,9 @@ private:
     void end_for_read(const std::error_code& problem);
     task<> write(std::shared_ptr<connection> held);
     void take_frames();
+    void begin_piece();
+    result<void> fill_piece(std::size_t count);
+    result<void> take_assembled(result<std::optional<wire::assembled>> whole, user* receiver);
     result<void> take(const carried_frame& received, user* receiver);
     result<void> take_attached(carried_frame received, user* receiver);
     result<void> take_own(const carried_frame& received, user* receiver);
