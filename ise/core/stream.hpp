@@ -22,6 +22,10 @@ struct transfer {
 /// Takes the bytes of a stream as they arrive, without a coroutine that waits for them.
 class stream_reader {
 public:
+    /// A stream that has delivered this much lets its turn end: what came is worked off, and answered, while it is in
+    /// the processor's cache.
+    static constexpr std::size_t turn_bytes = 256 * 1024;
+
     /// Memory for the next bytes. Empty: it takes no more.
     virtual asio::mutable_buffer room() noexcept = 0;
     /// They are in it; or the end of the stream or its error, at which the reader closes it. Called inside a turn of

@@ -78,7 +78,7 @@ task<> connection::read([[maybe_unused]] std::shared_ptr<connection> held) {
 
 asio::mutable_buffer connection::room() noexcept {
     try {
-        auto found = parser_.prepare();
+        auto found = reassembly_ && reassembly_->missing() > 0 ? reassembly_->room() : parser_.prepare();
         return asio::buffer(found.data(), found.size());
     } catch (const std::bad_alloc&) {
         close(failure(errc::overloaded, fmt::format("{}: there is no memory for what it sends", peer_name())));
@@ -102,7 +102,13 @@ void connection::on_bytes(const transfer& got) {
     counts_.bytes_in += got.bytes;
     loop::turn in(on_);
     alive_.heard(on_.now());
-    parser_.commit(got.bytes);
+    if (reassembly_ && reassembly_->missing() > 0) {
+        auto filled = fill_piece(got.bytes);
+        if (!filled) return end_for(filled.error());
+        if (!open()) return;
+    } else {
+        parser_.commit(got.bytes);
+    }
     take_frames();
 }
 
@@ -169,7 +175,39 @@ void connection::take_frames() {
         if (!taken) return end_for(taken.error());
         if (!open()) return;
     }
-    if (!parser_.sound()) end_for(parser_.refusal());
+    if (!parser_.sound()) return end_for(parser_.refusal());
+    if (parser_.pending() > 0) begin_piece();
+}
+
+// Of a piece of a long message only a part has come: the rest is read to where the message is put together.
+void connection::begin_piece() {
+    const auto part = parser_.begun();
+    if (!part || part->header.type != frame_type::piece) return;
+    if (!reassembly_) reassembly_ = std::make_unique<wire::reassembly>(terms_.we_accept.max_message_bytes);
+    auto begun = reassembly_->begin(*part);
+    if (!begun) return end_for(begun.error());
+    if (*begun) parser_.give_begun();
+}
+
+// What was read behind the piece is the beginning of the next frame.
+result<void> connection::fill_piece(std::size_t count) {
+    const auto own = std::min(count, reassembly_->missing());
+    parser_.add(bytes_view(reassembly_->room()).subspan(own, count - own));
+    auto whole = reassembly_->fill(own);
+    if (reassembly_->missing() > 0) return {};
+    ++counts_.frames_in;
+    return take_assembled(std::move(whole), receiver());
+}
+
+result<void> connection::take_assembled(result<std::optional<wire::assembled>> whole, user* receiver) {
+    if (!whole) return whole.error();
+    if (!*whole) return {};
+    carried_frame message;
+    message.header = (*whole)->header;
+    if (message.header.type == frame_type::piece)
+        return failure(errc::protocol_error, "a message in pieces holds a piece");
+    message.body = (*whole)->body.view();
+    return take(message, receiver);
 }
 
 result<void> connection::take_attached(carried_frame received, user* receiver) {
@@ -240,15 +278,7 @@ result<void> connection::take_own(const carried_frame& received, user* receiver)
         }
         case frame_type::piece: {
             if (!reassembly_) reassembly_ = std::make_unique<wire::reassembly>(terms_.we_accept.max_message_bytes);
-            auto whole = reassembly_->take(received);
-            if (!whole) return whole.error();
-            if (!*whole) return {};
-            carried_frame message;
-            message.header = (*whole)->header;
-            if (message.header.type == frame_type::piece)
-                return failure(errc::protocol_error, "a message in pieces holds a piece");
-            message.body = (*whole)->body.view();
-            return take(message, receiver);
+            return take_assembled(reassembly_->take(received), receiver);
         }
         default: return {};
     }
@@ -298,6 +328,7 @@ void connection::write_out() {
         auto wrote = objects_ ? objects_->pass(batch_->whole(), batch_->attachments())
                               : transport_->try_write(batch_->remaining());
         if (wrote.problem && wrote.problem == asio::error::would_block) {
+            outbox_.batch_waits();
             // Not from within this: where there is room again already it would go on writing.
             if (std::exchange(writer_, writer::waiting) == writer::none)
                 on_.later([self = shared_from_this()] {
@@ -315,6 +346,7 @@ void connection::write_out() {
         if (!objects_) batch_->advance(wrote.bytes);
         alive_.sent(on_.now());
         if (objects_ || batch_->done()) {
+            outbox_.batch_went(batch_->bytes());
             batch_->clear();
             ++counts_.frames_out_batches;
         }

@@ -100,7 +100,7 @@ public:
     }
 
     /// The system holds at most about this many bytes that were not sent yet, and one write begins with at most twice
-    /// as many.
+    /// as many, unless the system took those before at once.
     void limit_unsent(std::size_t most) {
         transport_->limit_unsent(most);
         outbox_.limit_batch(2 * most);
@@ -169,6 +169,9 @@ private:
     void end_for_read(const std::error_code& problem);
     task<> write(std::shared_ptr<connection> held);
     void take_frames();
+    void begin_piece();
+    result<void> fill_piece(std::size_t count);
+    result<void> take_assembled(result<std::optional<wire::assembled>> whole, user* receiver);
     result<void> take(const carried_frame& received, user* receiver);
     result<void> take_attached(carried_frame received, user* receiver);
     result<void> take_own(const carried_frame& received, user* receiver);

@@ -39,22 +39,12 @@ void batch::close_staged() {
 
 void batch::share(shared_bytes owner, bytes_view content) {
     owners_.push_back(std::move(owner));
-    refer_to(content);
-}
-
-void batch::refer_to(bytes_view content) {
     close_staged();
     segment made;
     made.size = content.size();
     made.data = content.data();
     segments_.push_back(made);
     shared_bytes_ += content.size();
-}
-
-void batch::adopt_behind(buffer& content) {
-    std::swap(adopted_, content);
-    content.clear();
-    refer_to(adopted_.view());
 }
 
 std::span<const asio::const_buffer> batch::remaining_segments() {
@@ -110,7 +100,6 @@ void batch::visit_unwritten(const std::function<void(const carried_frame&)>& vis
 void batch::clear() {
     staging_.recycle();
     if (!segments_.empty()) {
-        adopted_.recycle();
         gathered_.recycle();
         segments_.clear();
         owners_.clear();
@@ -136,37 +125,31 @@ bool outbox::stamp(std::byte* body, std::uint8_t& flags, const request_times& by
 }
 
 void outbox::end_call(std::size_t start, passed_object&& packet) {
+    const std::size_t size = calls_.size() - start;
     if (packet) {
-        attached_weight_ += packet.weight();
+        beside_weight_ += packet.weight();
         attachments_.push_back(std::move(packet));
+    } else if (size > whole_bytes) {
+        big_message message;
+        message.header = wire::read_header(calls_.data() + start);
+        if (is_request(message.header)) message.deadline = deadline_of(calls_.data() + start + frame_header::size);
+        message.owner = shared_bytes(std::exchange(calls_, buffer()));
+        message.payload = message.owner.view().subspan(start + frame_header::size);
+        message.id = next_piece_id_++;
+        if (start > 0) add_block(message.owner, start);
+        big_calls_.add(std::move(message));
         return;
     }
-    std::size_t size = calls_.size() - start;
-    if (size <= whole_bytes) return;
-    big_message message;
-    message.header = wire::read_header(calls_.data() + start);
-    if (is_request(message.header)) message.deadline = deadline_of(calls_.data() + start + frame_header::size);
-    std::size_t body_at = start + frame_header::size;
-    if (start == 0) { // nothing else in it: the buffer itself becomes the message's
-        message.owner = shared_bytes(std::exchange(calls_, buffer()));
-        calls_taken_ = 0;
-        message.payload = message.owner.view().subspan(body_at);
-    } else {
-        auto body = calls_.view().subspan(body_at);
-        buffer copy(body.size());
-        copy.append(body);
-        calls_.truncate(start);
-        message.owner = shared_bytes(std::move(copy));
-        message.payload = message.owner.view();
-    }
-    message.id = next_piece_id_++;
-    big_calls_.add(std::move(message));
+    if (calls_.size() < std::min(block_bytes, batch_limit_) && calls_.size() + beside_weight_ < batch_limit_) return;
+    const auto all = calls_.size();
+    add_block(shared_bytes(std::exchange(calls_, buffer())), all);
 }
 
-passed_object outbox::take_beside() {
-    auto first = attachments_.pop_front();
-    attached_weight_ -= first.weight();
-    return first;
+void outbox::add_block(shared_bytes frames, std::size_t size) {
+    frames.truncate(size);
+    const auto weight = size + std::exchange(beside_weight_, 0);
+    blocks_weight_ += weight;
+    blocks_.push_back({std::move(frames), weight});
 }
 
 void outbox::add(publication_source& source) {
@@ -242,10 +225,7 @@ void outbox::put_frames(shared_bytes frames, std::uint64_t id, bool addressed) {
         detail::store_little(at + 8, id);
 }
 
-bool outbox::empty() const noexcept {
-    return control_.empty() && calls_.size() == calls_taken_ && big_calls_.all.empty() && big_packets_.all.empty() &&
-           sources_.empty();
-}
+bool outbox::empty() const noexcept { return calls_drained() && big_packets_.all.empty() && sources_.empty(); }
 
 // The receiver forgets the pieces that it has.
 void outbox::put_abandoned(const big_message& message) {
@@ -264,7 +244,7 @@ bool outbox::fill(batch& out, time_point now) {
             out.staging().append(control_.view());
             control_.clear();
         }
-        if (calls_.size() > calls_taken_) fill_calls(out, now);
+        fill_calls(out, now);
         if (!big_calls_.all.empty()) fill_pieces(big_calls_, out, now);
         if (!big_packets_.all.empty()) fill_pieces(big_packets_, out, now);
         if (!sources_.empty() && !lane_) fill_publications(out);
@@ -273,7 +253,7 @@ bool outbox::fill(batch& out, time_point now) {
 }
 
 bool outbox::calls_alone(time_point now) {
-    if (calls_.empty() || calls_taken_ != 0 || calls_.size() + attached_weight_ > batch_limit_) return false;
+    if (calls_.empty() || !blocks_.empty() || calls_.size() + beside_weight_ > batch_limit_) return false;
     if (!control_.empty() || !big_calls_.all.empty() || !big_packets_.all.empty() || !sources_.empty()) return false;
     auto each_request = [this](auto what) {
         for (std::size_t at = 0; at < calls_.size();) {
@@ -289,50 +269,51 @@ bool outbox::calls_alone(time_point now) {
 
 void outbox::move_calls(batch& out) {
     out.adopt(calls_);
-    while (!attachments_.empty()) out.pass(take_beside());
+    while (!attachments_.empty()) out.pass(attachments_.pop_front());
+    beside_weight_ = 0;
 }
 
 void outbox::fill_calls(batch& out, time_point now) {
     const auto by = times(now);
-    std::size_t at = calls_taken_;
-    std::size_t expired = 0;
-    const std::size_t weight_before = attached_weight_;
-    while (at < calls_.size() && at - calls_taken_ + (weight_before - attached_weight_) < batch_limit_) {
-        auto header = wire::read_header(calls_.data() + at);
-        std::size_t size = frame_header::size + header.length;
-        const bool late = is_request(header) && !stamp(calls_.data() + at, by);
+    while (!blocks_.empty() && out.weight() < batch_limit_) {
+        auto block = blocks_.pop_front();
+        blocks_weight_ -= block.weight;
+        const auto frames = block.frames.view();
+        if (stamp_all(content_of(block), frames.size(), by, out)) out.share(std::move(block.frames), frames);
+        else put_timely(frames, out);
+    }
+    if (calls_.empty() || out.weight() >= batch_limit_) return;
+    beside_weight_ = 0;
+    if (stamp_all(calls_.data(), calls_.size(), by, out)) return out.adopt(calls_);
+    put_timely(calls_.view(), out);
+    calls_.clear();
+}
+
+// Whether none has expired. One that has becomes a cancel of itself, which `put_timely` leaves out.
+bool outbox::stamp_all(std::byte* frames, std::size_t size, const request_times& by, batch& out) {
+    bool timely = true;
+    for (std::size_t at = 0; at < size;) {
+        const auto header = wire::read_header(frames + at);
+        const bool late = is_request(header) && !stamp(frames + at, by);
         if (header.flags & wire::flag::attached) {
-            auto object = take_beside();
+            auto object = attachments_.pop_front();
             if (!late) out.pass(std::move(object));
         }
         if (late) {
-            // An expired frame becomes a cancel of itself: harmless, and the others keep their places.
-            ++expired;
-            detail::store_little(calls_.data() + at + 4, static_cast<std::uint8_t>(frame_type::cancel));
+            timely = false;
+            detail::store_little(frames + at + 4, static_cast<std::uint8_t>(frame_type::cancel));
         }
+        at += frame_header::size + header.length;
+    }
+    return timely;
+}
+
+void outbox::put_timely(bytes_view frames, batch& out) {
+    for (std::size_t at = 0; at < frames.size();) {
+        const auto header = wire::read_header(frames.data() + at);
+        const std::size_t size = frame_header::size + header.length;
+        if (header.type != frame_type::cancel || header.length == 0) out.staging().append(frames.subspan(at, size));
         at += size;
-    }
-    bool whole = at == calls_.size() && calls_taken_ == 0;
-    if (whole && expired == 0) {
-        out.adopt(calls_);
-        return;
-    }
-    for (std::size_t from = calls_taken_; from < at;) {
-        auto header = wire::read_header(calls_.data() + from);
-        std::size_t size = frame_header::size + header.length;
-        if (header.type != frame_type::cancel || header.length == 0)
-            out.staging().append(bytes_view(calls_.data() + from, size));
-        from += size;
-    }
-    calls_taken_ = at;
-    if (calls_taken_ == calls_.size()) {
-        calls_.clear();
-        calls_taken_ = 0;
-    } else if (calls_taken_ > calls_.size() / 2) { // what was written must not pile up in front of what is not
-        buffer rest(calls_.size() - calls_taken_);
-        rest.append(calls_.view().subspan(calls_taken_));
-        calls_ = std::move(rest);
-        calls_taken_ = 0;
     }
 }
 
@@ -423,22 +404,38 @@ void outbox::feed_lane() {
     }
 }
 
+// Until `visit` returns true; whether it did.
+template <class Visit>
+bool outbox::each_call(Visit visit) {
+    auto look = [&visit](std::byte* frames, std::size_t size) {
+        for (std::size_t at = 0; at < size;) {
+            const auto header = wire::read_header(frames + at);
+            if (visit(frames + at, header)) return true;
+            at += frame_header::size + header.length;
+        }
+        return false;
+    };
+    for (std::size_t i = 0; i < blocks_.size(); ++i)
+        if (look(content_of(blocks_[i]), blocks_[i].frames.size())) return true;
+    return look(calls_.data(), calls_.size());
+}
+
 void outbox::take_unwritten(const std::function<void(const carried_frame&)>& visit) {
     // One that was withdrawn is not the caller's any more: it finds no call of that id.
-    for (std::size_t at = calls_taken_; at < calls_.size();) {
-        auto header = wire::read_header(calls_.data() + at);
-        bytes_view body(calls_.data() + at + frame_header::size, header.length);
+    each_call([&](std::byte* frame, const frame_header& header) {
+        bytes_view body(frame + frame_header::size, header.length);
         passed_object object;
-        if (header.flags & wire::flag::attached) object = take_beside();
+        if (header.flags & wire::flag::attached) object = attachments_.pop_front();
         if (header.type == frame_type::request) visit({{header, body}, object ? &object : nullptr});
-        at += frame_header::size + header.length;
-    }
+        return false;
+    });
     for (std::size_t i = 0; i < big_calls_.all.size(); ++i) {
         const auto& message = big_calls_.all[i];
         if (message.header.type == frame_type::request && !message.begun) visit({{message.header, message.payload}});
     }
+    blocks_.clear();
     calls_.clear();
-    calls_taken_ = 0;
+    blocks_weight_ = beside_weight_ = 0;
     big_calls_ = {};
 }
 
@@ -451,16 +448,12 @@ bool outbox::withdraw(std::uint64_t request_id) {
         return big = true;
     });
     if (big) return true;
-    for (std::size_t at = calls_taken_; at < calls_.size();) {
-        auto header = wire::read_header(calls_.data() + at);
-        if (header.id == request_id && is_request(header)) {
-            // Its deadline becomes the past; writing passes it over.
-            wire::request_head::set_time(calls_.data() + at + frame_header::size, 0);
-            return true;
-        }
-        at += frame_header::size + header.length;
-    }
-    return false;
+    return each_call([request_id](std::byte* frame, const frame_header& header) {
+        if (header.id != request_id || !is_request(header)) return false;
+        // Its deadline becomes the past; writing passes it over.
+        wire::request_head::set_time(frame + frame_header::size, 0);
+        return true;
+    });
 }
 
 } // namespace ise::net

@@ -30,11 +30,11 @@ public:
 
     /// Content that stays where it is; `owner` is held until it was written.
     void share(shared_bytes owner, bytes_view content);
-    /// Takes over a whole buffer as content and gives back an empty one with room.
+    /// Takes small content out of a buffer, and leaves that empty with room.
     void adopt(buffer& content) {
-        if (empty()) staging_ = std::move(content); // they change places
-        else if (adopted_.empty()) adopt_behind(content);
-        else { // the one before is not written yet
+        if (empty()) {
+            staging_ = std::move(content); // they change places
+        } else {
             staging_.append(content.view());
             content.clear();
         }
@@ -76,14 +76,11 @@ private:
         std::size_t size = 0;
         const std::byte* data = nullptr;
     };
-    void adopt_behind(buffer& content);
     std::span<const asio::const_buffer> remaining_segments();
     buffer& gather();
     void close_staged();
-    void refer_to(bytes_view content);
 
     buffer staging_;
-    buffer adopted_;
     buffer gathered_;
     std::vector<segment> segments_;
     std::vector<shared_bytes> owners_;
@@ -129,10 +126,21 @@ public:
     /// A message of up to this many bytes travels as one frame; a longer one in pieces.
     static constexpr std::size_t whole_bytes = 128 * 1024;
     static constexpr std::size_t piece_bytes = 64 * 1024; // the last piece may have twice as many
-    /// One gathered write takes about this much.
+    /// One gathered write takes about this much, and up to four times as much while the system takes each at once.
     static constexpr std::size_t batch_bytes = 256 * 1024;
+    /// Calls and replies are put side by side up to this size: such a block is written from where it lies.
+    static constexpr std::size_t block_bytes = 64 * 1024;
     /// Or about this much, if it is less: what was moved to a write is out of the reach of priorities.
-    void limit_batch(std::size_t most) noexcept { batch_limit_ = std::clamp<std::size_t>(most, 1, batch_bytes); }
+    void limit_batch(std::size_t most) noexcept {
+        usual_batch_ = std::clamp<std::size_t>(most, 1, batch_bytes);
+        batch_waits();
+    }
+    /// The system took a batch of so many bytes at once.
+    void batch_went(std::size_t bytes) noexcept {
+        if (bytes >= batch_limit_) batch_limit_ = std::min(2 * batch_limit_, 4 * usual_batch_);
+    }
+    /// It has no room for the rest of one.
+    void batch_waits() noexcept { batch_limit_ = usual_batch_; }
     /// The longest message that the peer accepts; unfinished ones it holds up to twice that.
     void limit_messages(std::uint64_t max_bytes) noexcept { max_message_bytes_ = max_bytes; }
 
@@ -174,20 +182,20 @@ public:
     /// and says so, or moves them to a batch.
     bool calls_alone(time_point now);
     ring<passed_object>& beside_calls() noexcept { return attachments_; }
-    void calls_went() noexcept { attached_weight_ = 0; }
+    void calls_went() noexcept { beside_weight_ = 0; }
     void move_calls(batch& out);
 
     bool empty() const noexcept;
     /// Whether neither control frames nor calls and replies wait.
     bool calls_drained() const noexcept {
-        return control_.empty() && calls_.size() == calls_taken_ && big_calls_.all.empty();
+        return control_.empty() && blocks_.empty() && calls_.empty() && big_calls_.all.empty();
     }
     /// Bytes that wait, as far as they are here: packets that their sources still hold are not.
     std::size_t pending_bytes() const noexcept {
         return control_.size() + pending_call_bytes() + big_packets_.unsent_bytes;
     }
     std::size_t pending_call_bytes() const noexcept {
-        return (calls_.size() - calls_taken_) + big_calls_.unsent_bytes + attached_weight_;
+        return blocks_weight_ + calls_.size() + beside_weight_ + big_calls_.unsent_bytes;
     }
 
     /// Takes the requests that were never begun to be written; the body holds head and packet.
@@ -208,6 +216,12 @@ private:
         time_point deadline = time_point::max(); // requests
         bool begun = false;
         std::size_t size() const noexcept { return head.size() + payload.size(); }
+    };
+
+    /// Frames of calls that wait, as many as go together.
+    struct call_block {
+        shared_bytes frames;
+        std::size_t weight = 0; // with what is beside them
     };
 
     /// Messages of one class that go in pieces. Each class begins no more at once than half of what a receiver takes
@@ -247,22 +261,31 @@ private:
     static bool stamp(std::byte* frame, const request_times& by) noexcept {
         return stamp(frame + wire::frame_header::size, reinterpret_cast<std::uint8_t&>(frame[5]), by);
     }
+    void add_block(shared_bytes frames, std::size_t size);
+    static std::byte* content_of(const call_block& block) noexcept {
+        return const_cast<std::byte*>(block.frames.view().data());
+    }
+    template <class Visit>
+    bool each_call(Visit visit);
     void fill_calls(batch& out, time_point now);
+    bool stamp_all(std::byte* frames, std::size_t size, const request_times& by, batch& out);
+    static void put_timely(bytes_view frames, batch& out);
     void fill_pieces(big_messages& from, batch& out, time_point now);
     void fill_publications(batch& out);
-    passed_object take_beside();
     static void put_piece(big_message& message, batch& out);
     void put_abandoned(const big_message& message);
 
     buffer control_;
+    ring<call_block> blocks_; // of the calls before those in calls_
+    std::size_t blocks_weight_ = 0;
     buffer calls_;
-    std::size_t calls_taken_ = 0;
-    ring<passed_object> attachments_; // of the frames in calls_ that have one
-    std::size_t attached_weight_ = 0;
+    ring<passed_object> attachments_; // of the frames in blocks_ and calls_ that have one
+    std::size_t beside_weight_ = 0;   // of those in calls_
     big_messages big_calls_;
     big_messages big_packets_;
     ring<publication_source*> sources_;
     std::size_t batch_limit_ = batch_bytes;
+    std::size_t usual_batch_ = batch_bytes;
     batch* filling_ = nullptr; // during fill_publications
     packet_lane* lane_ = nullptr;
     const peer_clock* clock_ = nullptr;

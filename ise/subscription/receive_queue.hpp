@@ -51,8 +51,9 @@ public:
             traces_.pop_front();
         begin_ += head_bytes + front_size();
         if (--count_ > 0) return from;
-        // A burst's room is given back when the queue has been emptied with little in it.
-        if (content_.capacity() > kept_bytes && begin_ < content_.capacity() / 16) content_ = buffer();
+        // A burst's room is given back when the queue has been emptied some times in a row with little in it.
+        if (content_.capacity() <= kept_bytes || begin_ >= content_.capacity() / 16) little_ = 0;
+        else if (++little_ == little_before_freed) content_ = buffer();
         content_.clear();
         begin_ = 0;
         return from;
@@ -77,6 +78,7 @@ private:
 
     static constexpr std::size_t head_bytes = 24;
     static constexpr std::size_t kept_bytes = 4 * 1024; // of an empty queue, at least
+    static constexpr unsigned little_before_freed = 16;
     static constexpr std::uint64_t object_mark = std::uint64_t{1} << 63;
     static constexpr std::uint64_t traced_mark = std::uint64_t{1} << 62;
     std::uint64_t front_word() const noexcept {
@@ -90,6 +92,7 @@ private:
     ring<traced_arrival> traces_;
     std::size_t begin_ = 0;
     std::size_t count_ = 0;
+    unsigned little_ = 0; // so many times in a row there was little
 };
 
 } // namespace ise

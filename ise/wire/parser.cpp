@@ -78,6 +78,11 @@ void parser::add(buffer& content) {
     content.recycle();
 }
 
+void parser::add(bytes_view content) {
+    drop_taken();
+    storage_.append(content);
+}
+
 // What is left of the last read moves to the front; it is less than a frame.
 void parser::drop_taken() noexcept {
     if (begin_ > 0) storage_.drop_front(std::exchange(begin_, 0));

@@ -22,6 +22,8 @@ public:
     void commit(std::size_t count) { storage_.grow(count); }
     /// Takes over a buffer of bytes, and leaves an empty one in its place.
     void add(buffer& content);
+    /// Bytes that were read elsewhere, behind those that are here.
+    void add(bytes_view content);
 
     /// The next whole frame, or nothing. Its body stays valid until the next `prepare()` or `add`.
     /// errc::protocol_error or errc::too_large end the stream: nothing after it can be trusted.
@@ -45,6 +47,15 @@ public:
         begin_ += whole;
         return true;
     }
+
+    /// The frame that has begun, with what has come of its body; only where it is sound, and `take` found none whole.
+    std::optional<frame> begun() const noexcept {
+        if (pending() < frame_header::size) return std::nullopt;
+        const auto left = storage_.view().subspan(begin_);
+        return frame{read_header(left.data()), left.subspan(frame_header::size)};
+    }
+    /// It was taken: whoever did reads the rest of it.
+    void give_begun() noexcept { begin_ = storage_.size(); }
 
     /// Whether what is left can become a frame.
     bool sound() const noexcept {

@@ -1,5 +1,5 @@
-// Any bytes as what a stranger sends: cut into frames in two ways that must agree, put together from pieces, and read
-// as the bodies of control frames.
+// Any bytes as what a stranger sends: cut into frames in two ways that must agree, put together from pieces, which come
+// whole or in parts, and read as the bodies of control frames.
 #include <ise/wire/body.hpp>
 #include <ise/wire/messages.hpp>
 #include <ise/wire/parser.hpp>
@@ -56,15 +56,31 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     ise::wire::parser in(1 << 16);
     ise::wire::reassembly whole(1 << 16);
     while (!input.empty()) {
-        auto room = in.prepare();
+        const auto missing = whole.missing();
+        auto room = missing > 0 ? whole.room() : in.prepare();
         auto count = std::min(room.size(), input.size());
         std::memcpy(room.data(), input.data(), count);
-        in.commit(count);
         input = input.subspan(count);
+        if (missing > 0) {
+            const auto own = std::min(count, missing);
+            in.add(ise::bytes_view(room).subspan(own, count - own));
+            if (!whole.fill(own)) return 0;
+            if (whole.missing() > 0) continue;
+        } else {
+            in.commit(count);
+        }
         for (;;) {
             auto found = in.next();
             if (!found) return 0;
-            if (!*found) break;
+            if (!*found) {
+                const auto part = in.begun();
+                if (!part || part->header.type != ise::wire::frame_type::piece) break;
+                auto begun = whole.begin(*part);
+                if (whole.bytes_held() > 2 << 16) std::abort();
+                if (!begun) return 0;
+                if (*begun) in.give_begun();
+                break;
+            }
             const auto& frame = **found;
             using enum ise::wire::frame_type;
             switch (frame.header.type) {

@@ -64,13 +64,14 @@ bool socket_stream::deliver_to(stream_reader& reader) {
 }
 
 void socket_stream::deliver() {
-    while (may_read()) {
+    for (std::size_t delivered = 0; delivered < stream_reader::turn_bytes && may_read();) {
         const auto room = deliver_to_->room();
         if (room.size() == 0) return;
         const auto got = read(room);
         if (got.problem && got.problem == asio::error::would_block) break;
         deliver_to_->on_bytes(got);
         if (got.problem || !fd_open()) return;
+        delivered += got.bytes;
     }
     want_read();
 }

@@ -181,13 +181,15 @@ bool shared_stream::deliver_to(stream_reader& reader) {
 }
 
 void shared_stream::deliver() {
-    for (int left = reads_in_a_row; left > 0; --left) {
+    std::size_t delivered = 0;
+    for (int left = reads_in_a_row; left > 0 && delivered < stream_reader::turn_bytes; --left) {
         into_ = deliver_to_->room();
         if (into_.size() == 0) return;
         const auto got = take();
         if (got.problem == asio::error::would_block) return;
         deliver_to_->on_bytes(got);
         if (got.problem || closed_) return;
+        delivered += got.bytes;
     }
     look_again_.arm(on_.now());
 }

@@ -4,18 +4,28 @@
 #include <cstdlib>
 #include <new>
 
+extern "C" void* __real_malloc(std::size_t);
+extern "C" void* __real_realloc(void*, std::size_t);
+
 namespace {
 
 std::atomic<std::uint64_t> count{0};
 std::atomic<std::int64_t> until_refused{-1}; // negative: none is
 std::atomic<std::uint64_t> grown{0};
 std::atomic<std::uint64_t> grown_large{0};
+std::atomic<std::size_t> largest{0};
 
 void* counted(std::size_t size, std::size_t alignment = 0) noexcept {
     ++count;
     if (until_refused.load(std::memory_order_relaxed) >= 0 && until_refused-- == 0) return nullptr;
-    if (alignment == 0) return std::malloc(size > 0 ? size : 1);
+    if (alignment == 0) return __real_malloc(size > 0 ? size : 1);
     return std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
+}
+
+void note_growth(std::size_t size) noexcept {
+    ++grown;
+    if (size >= 4096) ++grown_large;
+    if (size > largest) largest = size;
 }
 
 void* sure(void* made) {
@@ -30,11 +40,15 @@ void ise_test::refuse_allocation_after(std::int64_t others) noexcept { until_ref
 void ise_test::refuse_no_allocation() noexcept { until_refused = -1; }
 std::uint64_t ise_test::reallocations() noexcept { return grown; }
 std::uint64_t ise_test::large_reallocations() noexcept { return grown_large; }
+std::size_t ise_test::take_largest_reallocation() noexcept { return largest.exchange(0); }
 
-extern "C" void* __real_realloc(void*, std::size_t);
-extern "C" void* __wrap_realloc(void* old, std::size_t size) { // link.cmake
-    ++grown;
-    if (size >= 4096) ++grown_large;
+// link.cmake
+extern "C" void* __wrap_malloc(std::size_t size) {
+    note_growth(size);
+    return __real_malloc(size);
+}
+extern "C" void* __wrap_realloc(void* old, std::size_t size) {
+    note_growth(size);
     return __real_realloc(old, size);
 }
 

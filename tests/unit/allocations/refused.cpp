@@ -1,8 +1,9 @@
-// What is left where memory has run out.
+// What is left where memory has run out, and what a peer cannot make this side ask for.
 #include "counting.hpp"
 
 #include <ise/call/reply_cache.hpp>
 #include <ise/service/session.hpp>
+#include <ise/wire/pieces.hpp>
 #include <support/catch.hpp>
 
 #include <new>
@@ -45,6 +46,29 @@ TEST_CASE("a reply window that any allocation was refused goes on, and nothing o
         REQUIRE(window.replies() == 0);
         REQUIRE(window.reply_bytes() == 0);
         if (!refused) break;
+    }
+}
+
+TEST_CASE("a long message gets room as its bytes come, not as it is announced") {
+    using namespace ise::wire;
+    constexpr std::uint64_t announced = 200 << 20;
+    reassembly in(announced);
+    ise::buffer body;
+    piece_head{frame_type::request, 0, 1, announced}.put(body);
+    frame part;
+    part.header.type = frame_type::piece;
+    part.header.id = 1;
+    part.header.length = 1 << 20; // of which nothing comes at first
+    part.body = body.view();
+    take_largest_reallocation();
+    REQUIRE(in.begin(part).value());
+    CHECK(take_largest_reallocation() <= part.header.length + frame_header::size);
+    for (std::uint64_t come = 0; come < announced / 2;) {
+        come += in.missing();
+        in.fill(in.missing()).value();
+        part.body = {};
+        REQUIRE(in.begin(part).value());
+        CHECK(take_largest_reallocation() <= 16 * come + frame_header::size);
     }
 }
 

@@ -5,6 +5,7 @@
 #include <ise/packet/codec.hpp>
 #include <ise/sim/world.hpp>
 #include <ise/wire/body.hpp>
+#include <ise/wire/pieces.hpp>
 
 #include <asio/buffer.hpp>
 
@@ -23,11 +24,13 @@ namespace {
 
 struct listener final : ise::net::connection::user {
     std::vector<frame_type> frames;
+    ise::bytes last_body;
     std::optional<ise::failure> end;
     int ends = 0;
     std::optional<ise::failure> answer;
     ise::result<void> on_frame(const ise::net::carried_frame& received) override {
         frames.push_back(received.header.type);
+        last_body.assign(received.body.begin(), received.body.end());
         if (answer) return *answer;
         return {};
     }
@@ -118,6 +121,46 @@ TEST_CASE("a ping is answered, and frames reach the user, in pieces of any size"
     CHECK(at.user->frames == std::vector<frame_type>{frame_type::credit, static_cast<frame_type>(99)});
     auto heard = at.heard_frames();
     CHECK(std::count(heard.begin(), heard.end(), frame_type::pong) == 1);
+}
+
+TEST_CASE("a message in pieces is the same wherever its bytes are cut, and so is what follows") {
+    ise::buffer raw;
+    const auto content = [](std::size_t from, std::size_t count) {
+        ise::bytes made;
+        for (std::size_t i = from; i < from + count; ++i) made.push_back(static_cast<std::byte>(i * 7 >> 3));
+        return made;
+    };
+    const auto put_piece = [&](std::uint8_t flags, std::size_t from, std::size_t count) {
+        ise::wire::put_frame(raw, frame_type::piece, flags, 5, [&](ise::buffer& body) {
+            ise::wire::piece_head head{frame_type::reply, 0, 77, 900};
+            if (from == 0) head.put(body);
+            body.append(ise::bytes_view(content(from, count)));
+        });
+    };
+    put_piece(0, 0, 400);
+    ise::wire::put_frame(raw, frame_type::credit, 0, 1, [](ise::buffer& body) { body.append(std::uint64_t{1}); });
+    put_piece(0, 400, 300);
+    const auto last_at = raw.size();
+    put_piece(ise::wire::flag::last, 700, 200);
+    const auto cut = GENERATE(range(std::size_t{1}, std::size_t{1000}, std::size_t{1}));
+    if (cut >= raw.size()) return;
+    INFO(cut);
+    scripted at;
+    at.begin();
+    at.say(raw.view().first(cut));
+    at.world.run_for(1ms);
+    CHECK(at.user->frames.size() == (cut < 434 + 24 ? 0u : 1u));
+    if (cut < last_at) { // the rest in two parts
+        at.say(raw.view().subspan(cut, last_at - cut));
+        at.world.run_for(1ms);
+    }
+    at.say(raw.view().subspan(std::max(cut, last_at)));
+    at.world.run_for(1ms);
+    CHECK(at.user->frames == std::vector<frame_type>{frame_type::credit, frame_type::reply});
+    CHECK(at.user->last_body == content(0, 900));
+    at.say(frame_type::cancel, 3);
+    at.world.run_for(1ms);
+    CHECK(at.user->frames.back() == frame_type::cancel);
 }
 
 TEST_CASE("heartbeats find a peer that has fallen silent, and keep one that only listens") {

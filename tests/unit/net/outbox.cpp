@@ -208,13 +208,57 @@ TEST_CASE("calls leave in the order in which they came, in batches of bounded si
         for (int i = 0; i < 100; ++i) request(out, next++, t0 + 1h, 4000);
         batch one;
         REQUIRE(out.fill(one, t0));
-        CHECK(one.bytes() <= outbox::batch_bytes + 5000);
+        CHECK(one.bytes() <= outbox::batch_bytes + outbox::block_bytes + 5000);
         for (const auto& frame : frames_of(one)) seen.push_back(frame.id);
     }
     while (!out.empty())
         for (const auto& frame : write(out)) seen.push_back(frame.id);
     REQUIRE(seen.size() == next);
     CHECK(std::is_sorted(seen.begin(), seen.end()));
+}
+
+TEST_CASE("large calls are written from where they were encoded, in order with the small ones") {
+    constexpr std::size_t large = outbox::block_bytes;
+    outbox out;
+    std::vector<const void*> encoded;
+    for (std::uint64_t id = 1; id <= 3; ++id) {
+        const auto start = out.calls().size();
+        ise::wire::put_frame(out.calls(), frame_type::reply, 0, id, [&](ise::buffer& body) { body.grow(large); });
+        encoded.push_back(out.calls().data());
+        out.end_call(start);
+    }
+    request(out, 4, t0 + 1s);
+    request(out, 5, t0 + 5s, large);
+    request(out, 6, t0 + 5s);
+    ping(out, 7);
+    const auto waiting = out.pending_call_bytes();
+    CHECK(waiting > 4 * large);
+    SECTION("all of it") {
+        batch first;
+        REQUIRE(out.fill(first, t0 + 2s));
+        std::vector<const void*> places;
+        for (const auto& part : first.remaining()) places.push_back(part.data());
+        for (const auto* place : encoded) CHECK(std::count(places.begin(), places.end(), place) == 1);
+        auto ids = ids_of(frames_of(first));
+        while (!out.empty())
+            for (const auto& frame : write(out, t0 + 2s)) ids.push_back(frame.id);
+        CHECK(ids == std::vector<std::uint64_t>{7, 1, 2, 3, 5, 6}); // 4 expired
+    }
+    SECTION("without one that was given up") {
+        CHECK(out.withdraw(5));
+        std::vector<std::uint64_t> ids;
+        while (!out.empty())
+            for (const auto& frame : write(out, t0)) ids.push_back(frame.id);
+        CHECK(ids == std::vector<std::uint64_t>{7, 1, 2, 3, 4, 6});
+    }
+    SECTION("handed back") {
+        std::vector<std::uint64_t> ids;
+        out.take_unwritten([&](const ise::net::carried_frame& one) { ids.push_back(one.header.id); });
+        CHECK(ids == std::vector<std::uint64_t>{4, 5, 6});
+        CHECK(write(out).size() == 1); // the ping
+    }
+    CHECK(out.pending_bytes() == 0);
+    CHECK(out.empty());
 }
 
 TEST_CASE("a big message goes in pieces between which small ones pass") {

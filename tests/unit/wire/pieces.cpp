@@ -53,6 +53,50 @@ TEST_CASE("a message in pieces is whole again at its last piece") {
     CHECK((in.unfinished() == 0 && in.bytes_held() == 0));
 }
 
+TEST_CASE("of a piece that has come in part the rest is read to its place in the message") {
+    const auto begun = [](const piece_of& piece, std::size_t come) {
+        frame part = piece.made;
+        part.header.length = static_cast<std::uint32_t>(piece.made.body.size());
+        part.body = part.body.first(come);
+        return part;
+    };
+    const piece_of first(1, 0, head_of(500), 200, 1), last(1, flag::last, {}, 300, 2);
+    for (std::size_t cut : {18u, 19u, 100u, 217u}) {
+        for (std::size_t at_once : {1u, 7u, 300u}) {
+            reassembly in(1000);
+            std::optional<assembled> whole;
+            for (const auto* piece : {&first, &last}) {
+                auto come = cut;
+                REQUIRE(in.begin(begun(*piece, come)).value());
+                while (in.missing() > 0) {
+                    const auto room = in.room();
+                    REQUIRE(room.size() == in.missing() + frame_header::size);
+                    const auto count = std::min(at_once, in.missing());
+                    std::copy_n(piece->made.body.begin() + static_cast<std::ptrdiff_t>(come), count, room.begin());
+                    std::fill(room.begin() + static_cast<std::ptrdiff_t>(count), room.end(), std::byte{99});
+                    come += count;
+                    CHECK_FALSE(whole);
+                    whole = in.fill(count).value();
+                }
+                CHECK(come == piece->made.body.size());
+            }
+            REQUIRE(whole);
+            ise::bytes expected(200, std::byte{1});
+            expected.resize(500, std::byte{2});
+            CHECK((whole->header.id == 77 && whole->body.to_bytes() == expected));
+            CHECK((in.unfinished() == 0 && in.bytes_held() == 0));
+        }
+    }
+    reassembly in(1000);
+    CHECK_FALSE(in.begin(begun(first, 17)).value()); // the head is not whole
+    CHECK_FALSE(in.begin(begun(piece_of(1, flag::abandoned, {}, 30), 20)).value());
+    CHECK(in.unfinished() == 0);
+    CHECK(in.begin(begun(piece_of(1, 0, head_of(1001), 20), 20)).error().code() == ise::errc::too_large);
+    CHECK(in.begin(begun(piece_of(1, 0, head_of(199), 200), 20)).error().code() == ise::errc::protocol_error);
+    for (std::uint64_t id = 2; id <= 3; ++id) CHECK(in.take(piece_of(id, 0, head_of(1000), 999).made).has_value());
+    CHECK(in.begin(begun(piece_of(4, 0, head_of(1000), 3), 19)).error().code() == ise::errc::too_large);
+}
+
 TEST_CASE("an abandoned message is forgotten, and its number may be used again") {
     reassembly in(1000);
     in.take(piece_of(1, 0, head_of(10), 4).made).value();
