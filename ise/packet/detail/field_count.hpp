@@ -35,7 +35,8 @@ consteval bool takes_initialisers(std::index_sequence<I...>) {
 template <class T, std::size_t count>
 inline constexpr bool takes = takes_initialisers<T>(std::make_index_sequence<count>());
 
-/// Whether T can be made from `I...` initialisers in parentheses, where each stands for one field, and none for an array.
+/// Whether T can be made from as many initialisers in parentheses: there each stands for one field, and none for an
+/// array.
 template <class T, std::size_t... I>
 consteval bool takes_one_a_field(std::index_sequence<I...>) {
     return requires { T(any_field_at<T, I>{}...); };
