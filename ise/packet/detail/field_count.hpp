@@ -35,6 +35,13 @@ consteval bool takes_initialisers(std::index_sequence<I...>) {
 template <class T, std::size_t count>
 inline constexpr bool takes = takes_initialisers<T>(std::make_index_sequence<count>());
 
+/// Whether T can be made from as many initialisers in parentheses: there each stands for one field, and none for an
+/// array.
+template <class T, std::size_t... I>
+consteval bool takes_one_a_field(std::index_sequence<I...>) {
+    return requires { T(any_field_at<T, I>{}...); };
+}
+
 /// Whether T can be made from `before` initialisers, a braced pair, and `after` more.
 template <class T, std::size_t... Before, std::size_t... After>
 consteval bool takes_nested(std::index_sequence<Before...>, std::index_sequence<After...>) {
@@ -168,7 +175,13 @@ consteval std::size_t count_fields() {
     } else if constexpr (has_base<T>) {
         return initialisers<T>::total(); // all fields are the base's: its initialisers without their braces
     } else {
-        return count_from<T, 0, initialisers<T>::total()>();
+        constexpr std::size_t total = initialisers<T>::total();
+        // One question in place of one a field, where no field is an array.
+        if constexpr (takes_one_a_field<T>(std::make_index_sequence<total>())) {
+            return total;
+        } else {
+            return count_from<T, 0, total>();
+        }
     }
 }
 
