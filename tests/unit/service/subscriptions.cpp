@@ -457,7 +457,7 @@ TEST_CASE("what the rate limit leaves out is counted apart from what was lost") 
 TEST_CASE("a slow subscriber does not slow another") {
     fixture at;
     auto& far = at.all.add("far");
-    at.all.world.net().between("boat", "far").bandwidth_bytes_per_second = 100;
+    at.all.world.net().between("boat", "far").bandwidth_bytes_per_second = 120;
     auto slow = std::make_shared<reading>();
     auto slowly = start(far.on, follow(far.at("tcp://boat:7400"), slow, ise::subscribe_options::last(4)));
     at.all.run_until([&] { return at.fixes.subscribers() == 1; });
