@@ -19,7 +19,7 @@ public:
     }
 };
 
-/// After a failed parse: prints the help that was asked for, or what is wrong, as "PROGRAM: what". The exit code: 0, or 2.
+/// After a failed parse: prints the help that was asked for, or what is wrong, as "PROGRAM: what". Exit code: 0, or 2.
 inline int exit_of(CLI::App& app, const CLI::ParseError& why) {
     app.failure_message([](const CLI::App* of, const CLI::Error& wrong) {
         std::string program = of->get_name(), text = wrong.what();
