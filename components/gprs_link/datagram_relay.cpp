@@ -9,7 +9,7 @@
 namespace atirma {
 namespace {
 using namespace std::chrono_literals;
-constexpr ise::duration receive_pause = 250ms;
+constexpr ise::duration pause_after_error = 250ms;
 } // namespace
 
 ise::result<ise::endpoint> datagram_relay::open(const ise::endpoint& at) {
@@ -27,7 +27,7 @@ ise::task<> datagram_relay::from_boats(std::shared_ptr<ise::datagram_socket> cha
         if (problem == asio::error::operation_aborted) co_return;
         if (problem) {
             log_.warning("the socket for datagrams failed", {{"cause", problem.message()}});
-            co_await ise::sleep_for(loop_, receive_pause);
+            co_await ise::sleep_for(loop_, pause_after_error);
             continue;
         }
         if (auto of = flow_of(channel, got->peer)) send(*of, true, got->content);
@@ -39,7 +39,7 @@ ise::task<> datagram_relay::from_proxy(std::shared_ptr<flow> of, std::shared_ptr
         auto [problem, got] = co_await out->receive();
         if (of->over || of->out != out) co_return;
         if (problem == asio::error::operation_aborted) co_return;
-        if (problem) co_await ise::sleep_for(loop_, receive_pause);
+        if (problem) co_await ise::sleep_for(loop_, pause_after_error);
         else send(*of, false, got->content);
     }
 }

@@ -1,2 +1,2 @@
 find_package(SQLite3 REQUIRED)
-target_link_libraries(unit_seal_store PRIVATE atirma_seal_store SQLite::SQLite3)
+target_link_libraries(unit_seal_store PRIVATE atirma_seal SQLite::SQLite3)
