@@ -6,12 +6,18 @@
 
 #include <support/catch.hpp>
 
+#include <array>
 #include <cstdint>
+#include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
+
+#include <stdlib.h>
+#include <unistd.h>
 
 namespace {
 
@@ -243,6 +249,24 @@ TEST_CASE("a file that is no recording is refused with its name", "[bag]") {
     auto none = open_file("/nowhere/at.mcap");
     REQUIRE(!none);
     CHECK(none.error().code() == errc::io_failed);
+}
+
+TEST_CASE("a file of more than 4 GiB is read at its end", "[bag]") {
+    constexpr std::uint64_t size = (std::uint64_t{1} << 32) + 3;
+    auto name = (std::filesystem::temp_directory_path() / "ise_bag_XXXXXX").string();
+    const int made = ::mkstemp(name.data());
+    REQUIRE(made >= 0);
+    REQUIRE(::ftruncate(made, static_cast<off_t>(size - 3)) == 0); // a hole
+    auto* end = ::fdopen(made, "a");
+    REQUIRE(std::fputs("end", end) >= 0);
+    REQUIRE(std::fclose(end) == 0);
+    auto file = open_file(name);
+    ::unlink(name.c_str());
+    REQUIRE(file);
+    CHECK((*file)->size().value() == size);
+    std::array<std::byte, 8> last{};
+    REQUIRE((*file)->read(size - 3, last).value() == 3);
+    CHECK(as_text(bytes_view(last).first(3)) == "end");
 }
 
 TEST_CASE("no byte of a recording that is changed harms its reader", "[bag]") {

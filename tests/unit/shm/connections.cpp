@@ -182,6 +182,21 @@ int wait_for(real_parties& all, pid_t child) {
     return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
 }
 
+// What the C library calls: newer processors have one call where older ones have two, and those of 32 bits a second
+// one for files of 64 bits.
+#ifdef SYS_readlink
+constexpr long call_of_readlink = SYS_readlink;
+#else
+constexpr long call_of_readlink = SYS_readlinkat;
+#endif
+#ifdef SYS_mmap2
+constexpr long call_of_mmap = SYS_mmap2, call_of_ftruncate = SYS_ftruncate64, call_of_fcntl = SYS_fcntl64,
+               call_of_fstatfs = SYS_fstatfs64;
+#else
+constexpr long call_of_mmap = SYS_mmap, call_of_ftruncate = SYS_ftruncate, call_of_fcntl = SYS_fcntl,
+               call_of_fstatfs = SYS_fstatfs;
+#endif
+
 // From now on this process is refused a system call, where the lower half of one of its arguments is as given.
 void deny(long call, int argument = -1, std::uint32_t value = 0) {
     std::vector<sock_filter> rules{BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr))};
@@ -374,13 +389,13 @@ TEST_CASE("whatever the system refuses while two agree, they go on over the sock
     const auto refused = GENERATE(values<refusal>({
         {"nothing", -1, -1, 0, false, false},
         {"memfd_create", SYS_memfd_create, -1, 0, true, false},
-        {"ftruncate", SYS_ftruncate, -1, 0, true, false},
-        {"sealing", SYS_fcntl, 1, F_ADD_SEALS, true, false},
-        {"duplicates", SYS_fcntl, 1, F_DUPFD_CLOEXEC, true, true},
+        {"ftruncate", call_of_ftruncate, -1, 0, true, false},
+        {"sealing", call_of_fcntl, 1, F_ADD_SEALS, true, false},
+        {"duplicates", call_of_fcntl, 1, F_DUPFD_CLOEXEC, true, true},
         {"eventfd", SYS_eventfd2, -1, 0, true, false},
-        {"shared mappings", SYS_mmap, 3, MAP_SHARED, true, true},
-        {"fstatfs", SYS_fstatfs, -1, 0, true, true},
-        {"readlink", SYS_readlink, -1, 0, false, true},
+        {"shared mappings", call_of_mmap, 3, MAP_SHARED, true, true},
+        {"fstatfs", call_of_fstatfs, -1, 0, true, true},
+        {"readlink", call_of_readlink, -1, 0, false, true},
         {"the peer's user", SYS_getsockopt, 2, SO_PEERCRED, true, true},
     }));
     const bool called = GENERATE(true, false); // the side that is refused it
