@@ -234,7 +234,8 @@ struct event_client {
 
 struct http_server::implementation : std::enable_shared_from_this<implementation> {
     implementation(loop& on_, logger to, http_limits chosen, spawner start)
-        : on(on_), log(std::move(to)), limits(chosen), spawn(std::move(start)), unsent(chosen.max_unsent_bytes) {}
+        : on(on_), log(std::move(to)), limits(chosen), spawn(std::move(start)),
+          unsent_by_host(chosen.max_unsent_bytes) {}
 
     struct other_name {
         std::string file;
@@ -445,8 +446,8 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
             std::optional<unsent_bodies::part> counted;
             if (with_body && made.body.owned()) {
                 auto host = net::host_of(peer);
-                if (unsent.fits(host, made.body)) {
-                    counted.emplace(unsent, host, made.body);
+                if (unsent_by_host.fits(host, made.body)) {
+                    counted.emplace(unsent_by_host, host, made.body);
                 } else {
                     note(fmt::format("more than {} bytes wait for one host, which does not take them "
                                      "(max_unsent_bytes): it gets no more",
@@ -517,7 +518,7 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
     logger log;
     http_limits limits;
     spawner spawn;
-    unsent_bodies unsent;
+    unsent_bodies unsent_by_host;
     log_limiter quiet, quiet_failures; // of peers, of handlers
     error_page error_text = plain_error;
     std::string images; ///< origins that pages may load pictures from, besides this server
