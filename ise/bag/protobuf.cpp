@@ -17,6 +17,10 @@
 #include <utility>
 #include <vector>
 
+#ifndef __SIZEOF_INT128__
+    #include <boost/multiprecision/cpp_int.hpp>
+#endif
+
 namespace ise::bag {
 namespace {
 
@@ -38,7 +42,11 @@ enum class wire : std::uint8_t { varint = 0, fixed64 = 1, block = 2, fixed32 = 5
 enum class presence : std::uint8_t { implicit, optional, repeated, oneof };
 enum class shape : std::uint8_t { fields, variant, wrapper, instant, time_span };
 
+#ifdef __SIZEOF_INT128__
 __extension__ using wide = __int128;
+#else // a processor of 32 bits
+using wide = boost::multiprecision::int128_t;
+#endif
 
 constexpr std::size_t max_messages = 16384; // of one schema
 

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <cerrno>
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <system_error>
@@ -21,11 +22,11 @@ result<std::string> real_environment::read_file(const std::string& path, std::si
     if (!file) return refuse(std::error_code(errno, std::system_category()).message());
     auto size = static_cast<std::streamoff>(file.tellg());
     if (size < 0) return refuse("it is not a plain file");
-    if (static_cast<std::size_t>(size) > max_bytes)
+    if (static_cast<std::uint64_t>(size) > max_bytes)
         return refuse(fmt::format("it has {} bytes, {} are allowed", size, max_bytes));
     std::string content(static_cast<std::size_t>(size), '\0');
     file.seekg(0);
-    if (!file.read(content.data(), size)) return refuse("it ended early");
+    if (!file.read(content.data(), static_cast<std::streamsize>(size))) return refuse("it ended early");
     return content;
 }
 

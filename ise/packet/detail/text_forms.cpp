@@ -76,11 +76,19 @@ std::optional<std::int64_t> combine(std::int64_t seconds, std::string_view fract
         if (c < '0' || c > '9') return std::nullopt;
         part = part * 10 + (c - '0');
     }
-    __extension__ using wide = __int128; // the seconds alone may lie outside where the sum does not
-    wide ticks = wide{seconds} * den + (negative ? -wide{part} : wide{part});
-    if (ticks < std::numeric_limits<std::int64_t>::min() || ticks > std::numeric_limits<std::int64_t>::max())
+    auto rest = negative ? -part : part;
+    // Of one sign: else the seconds alone may lie outside where the sum does not.
+    if (seconds < 0 && rest > 0) {
+        ++seconds;
+        rest -= den;
+    } else if (seconds > 0 && rest < 0) {
+        --seconds;
+        rest += den;
+    }
+    std::int64_t ticks = 0;
+    if (__builtin_mul_overflow(seconds, den, &ticks) || __builtin_add_overflow(ticks, rest, &ticks))
         return std::nullopt;
-    return static_cast<std::int64_t>(ticks);
+    return ticks;
 }
 
 template <class T>

@@ -7,6 +7,8 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
+#include <cstdint>
+#include <limits>
 #include <system_error>
 
 #include <sys/eventfd.h>
@@ -32,7 +34,11 @@ public:
     explicit next_alarm(epoll_loop& owner) noexcept : owner_(owner) {}
     void arm(time_point at) override {
         const auto left = std::max<std::int64_t>(1, (at - owner_.world_.now()).count()); // 0 would disarm it
-        const itimerspec once{{0, 0}, {left / 1'000'000'000, left % 1'000'000'000}};
+        const auto seconds =
+            std::min<std::int64_t>(left / 1'000'000'000, std::numeric_limits<decltype(timespec::tv_sec)>::max());
+        const itimerspec once{{0, 0},
+                              {static_cast<decltype(timespec::tv_sec)>(seconds),
+                               static_cast<decltype(timespec::tv_nsec)>(left % 1'000'000'000)}};
         ::timerfd_settime(owner_.timer_.get(), 0, &once, nullptr);
     }
 
