@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <atomic>
 #include <cstdlib>
 #include <fstream>
 #include <sstream>
@@ -54,10 +53,9 @@ std::string read_all(const std::filesystem::path& file) {
 }
 
 authority::authority(const std::string& name) {
-    static std::atomic<int> count = 0;
-    folder_ = std::filesystem::temp_directory_path() / fmt::format("ise-authority-{}-{}", ::getpid(), count++);
-    if (!std::filesystem::create_directory(folder_)) throw std::runtime_error("no folder for an authority");
-    std::filesystem::permissions(folder_, std::filesystem::perms::owner_all);
+    auto made = (std::filesystem::temp_directory_path() / "ise-authority-XXXXXX").string();
+    if (!::mkdtemp(made.data())) throw std::runtime_error("no folder for an authority");
+    folder_ = made;
     write(folder_ / "settings", settings);
     write(folder_ / "index.txt", "");
     write(folder_ / "serial", "01\n");
