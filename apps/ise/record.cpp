@@ -54,7 +54,7 @@ task<> note_absent(context& in, const std::vector<std::string>& paths) {
             note_nothing(in, path, known);
 }
 
-// What came before is in the file.
+// The messages before the failure are in the file.
 problem of_file(const failure& why, const bag::recorder_counts& counts) {
     if (counts.messages == 0 || counts.files.empty()) return problem(why);
     return problem(why, fmt::format("{} messages came before: make room; ise bag recover {} --out FILE makes a whole "

@@ -108,16 +108,14 @@ void client_calls::take(message asked) {
         case call_journal::state::running: ++in_->counts.calls_again; return; // it is answered when it is done
         case call_journal::state::answered: ++in_->counts.calls_again; return answer(asked, noted->outcome);
         case call_journal::state::dropped:
-            ++in_->counts.calls_again;
-            return answer(asked, outcome_of(failure(errc::peer_lost,
-                                                    "the answer to this request is not kept any more "
-                                                    "(max_answer_bytes); it is not executed again",
-                                                    execution::unknown)));
         case call_journal::state::interrupted:
             ++in_->counts.calls_again;
             return answer(asked, outcome_of(failure(errc::peer_lost,
-                                                    "the bridge ended while this request was executed; it is not "
-                                                    "executed again",
+                                                    noted->is == call_journal::state::dropped
+                                                        ? "the answer to this request is not kept any more "
+                                                          "(max_answer_bytes); it is not executed again"
+                                                        : "the bridge ended while this request was executed; it is "
+                                                          "not executed again",
                                                     execution::unknown)));
         case call_journal::state::other:
             return refuse(asked, errc::invalid_argument,

@@ -152,7 +152,7 @@ public:
     result<void> write(const recorded_message& message);
     /// Adds metadata to the present file; begins one where there is none. Errors as above.
     result<void> note(const std::string& name, const string_map& what, timestamp now);
-    /// What came before is in the file.
+    /// Puts the messages written so far into the file.
     result<void> flush();
     /// Ends the present file; the next message begins another.
     result<void> close();

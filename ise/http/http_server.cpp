@@ -458,8 +458,8 @@ struct http_server::implementation : std::enable_shared_from_this<implementation
                 }
             }
             auto sending = send(*over, std::move(made), with_body, keep);
-            auto failed_send = co_await std::move(sending);
-            if (failed_send || !keep) co_return;
+            auto unsent = co_await std::move(sending);
+            if (unsent || !keep) co_return;
             place.wait();
         }
     }

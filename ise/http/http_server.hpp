@@ -67,7 +67,7 @@ public:
         return made;
     }
     std::string_view bytes() const noexcept { return bytes_; }
-    /// What the bytes lie in; null: nothing of its own.
+    /// The string that holds the bytes; null: the body owns none.
     const std::string* owned() const noexcept { return owned_.get(); }
 
 private:

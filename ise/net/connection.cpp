@@ -189,7 +189,7 @@ void connection::begin_piece() {
     if (*begun) parser_.give_begun();
 }
 
-// What was read behind the piece is the beginning of the next frame.
+// Bytes that were read beyond the piece begin the next frame.
 result<void> connection::fill_piece(std::size_t count) {
     const auto own = std::min(count, reassembly_->missing());
     parser_.add(bytes_view(reassembly_->room()).subspan(own, count - own));

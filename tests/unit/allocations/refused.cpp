@@ -1,4 +1,4 @@
-// What is left where memory has run out, and what a peer cannot make this side ask for.
+// The state after an allocation has failed, and allocations that a peer cannot cause.
 #include "counting.hpp"
 
 #include <ise/call/reply_cache.hpp>

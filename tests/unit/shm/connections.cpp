@@ -182,8 +182,8 @@ int wait_for(real_parties& all, pid_t child) {
     return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
 }
 
-// What the C library calls: newer processors have one call where older ones have two, and those of 32 bits a second
-// one for files of 64 bits.
+// The system calls behind the C library's functions: newer processors have one where older ones have two, and those of
+// 32 bits a second one for files of 64 bits.
 #ifdef SYS_readlink
 constexpr long call_of_readlink = SYS_readlink;
 #else
