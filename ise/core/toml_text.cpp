@@ -1,6 +1,7 @@
 #include <ise/core/toml_text.hpp>
 
 #include <algorithm>
+#include <string>
 
 namespace ise {
 namespace {
@@ -33,17 +34,59 @@ std::size_t end_of_string(std::string_view text, std::size_t at, char quote, boo
     return text.size();
 }
 
-std::size_t find_stray(std::string_view toml) noexcept {
+// Where toml++ expects what, as far as quotes depend on it: within a value that is no string it looks ahead to the end of the
+// word, so that a quote there begins nothing.
+class position {
+public:
+    bool string_begins() const noexcept { return keys() || !within_word_; }
+    void pass_string() noexcept { within_word_ = true; }
+
+    void pass(char one) {
+        const bool begins = !keys() && !within_word_;
+        within_word_ = std::string_view(" \t\r\n,]}").find(one) == std::string_view::npos;
+        if (one == '\n' && open_.empty()) after_equals_ = false;
+        else if (one == '=' && keys()) begin_word(true);
+        else if (one == ',' && !open_.empty()) after_equals_ = open_.back() == '[';
+        else if (begins && (one == '[' || one == '{')) open(one);
+        else if ((one == ']' || one == '}') && !open_.empty()) close();
+    }
+
+private:
+    bool keys() const noexcept { return !after_equals_; }
+
+    void begin_word(bool value) noexcept {
+        after_equals_ = value;
+        within_word_ = false;
+    }
+
+    void open(char bracket) {
+        open_ += bracket;
+        begin_word(bracket == '[');
+    }
+
+    void close() noexcept {
+        open_.pop_back();
+        after_equals_ = true; // what the brackets belong to is a value
+    }
+
+    std::string open_; ///< brackets of arrays and inline tables
+    bool after_equals_ = false, within_word_ = false;
+};
+
+std::size_t find_stray(std::string_view toml) {
     std::size_t stray = toml.npos;
+    position here;
     for (std::size_t at = toml.starts_with("\xEF\xBB\xBF") ? 3 : 0; at < toml.size() && stray == toml.npos;) {
         const char one = toml[at];
         if (beyond_ascii(one)) return at;
         if (one == '#') {
             at = std::min(toml.find('\n', at), toml.size());
-        } else if (one == '"' || one == '\'') {
+        } else if ((one == '"' || one == '\'') && here.string_begins()) {
             const bool lines = toml.substr(at).starts_with(three(one));
             at = end_of_string(toml, at + (lines ? 3 : 1), one, lines, stray);
+            here.pass_string();
         } else {
+            here.pass(one);
             ++at;
         }
     }
@@ -52,7 +95,7 @@ std::size_t find_stray(std::string_view toml) noexcept {
 
 } // namespace
 
-std::optional<text_place> stray_character(std::string_view toml) noexcept {
+std::optional<text_place> stray_character(std::string_view toml) {
     const auto at = find_stray(toml);
     if (at == toml.npos) return std::nullopt;
     const auto before = toml.substr(0, at);

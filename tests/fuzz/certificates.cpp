@@ -43,6 +43,17 @@ void files(std::string_view all) {
     if (!loaded && loaded.error().message().empty()) std::abort();
 }
 
+// An error does not quote the key: it is the same for another one of that length.
+void shared_key(std::string_view text) {
+    auto key = ise::shared_key::make(text, "file");
+    if (key) return;
+    std::string other(text);
+    for (auto& one : other)
+        if (std::string_view(" \t\r\n").find(one) == std::string_view::npos) one = 'x';
+    auto of_other = ise::shared_key::make(other, "file");
+    if (of_other || of_other.error().message() != key.error().message()) std::abort();
+}
+
 } // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
@@ -51,11 +62,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     switch (data[0] % 3) {
         case 0: shown_by_peer(rest); break;
         case 1: files(rest); break;
-        default: {
-            auto key = ise::shared_key::make(rest, "file");
-            if (!key && key.error().message().find(rest.substr(0, 32)) != std::string::npos && rest.size() > 31)
-                std::abort(); // an error does not quote the key
-        }
+        default: shared_key(rest);
     }
     return 0;
 }

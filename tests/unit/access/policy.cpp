@@ -305,6 +305,7 @@ TEST_CASE("access: characters beyond ASCII are for strings and comments, and ref
              "version = 1\n[groups]\na = [\"\"\"\nñ \" \"\" ñ\"\"\"\"\"]\n# ñ\n",
              "version = 1\n[groups]\na = [\'\'\'ñ\\\'\'\']\n# ñ\n",
              "\xEF\xBB\xBFversion = 1\n",
+             "version = 1\n[a.\"ñ\".'ñ']\n3.\"ñ\" = {b.\"ñ\" = [[1], 'ñ', {c = \"ñ\"}], d = 0, \"ñ\" = 1}\n\"ñ\" = 1\n",
          }) {
         INFO(good);
         CHECK_THAT(problems_of(good), !Contains("not ASCII"));
@@ -317,6 +318,11 @@ TEST_CASE("access: characters beyond ASCII are for strings and comments, and ref
         {"version = 1\nsystem = \"a\nø\"\n", "3:1: "},             // a string ends with its line
         {"version = 1\nsystem = \"\"\"a\\\n  ø\"\"\"\n", "3:3: "}, // on the line that goes on
         {"\xD6\x22", "1:1: "},
+        {"version = 0\"ñ\"\n", "1:13: "}, // a quote within a word begins no string
+        {"version = 0[\"ñ\"\n", "1:14: "},
+        {"version = 0.\"ñ\"\n", "1:14: "},
+        {"version = [0{'ñ'\n", "1:15: "},
+        {"version = 0=\"ñ\"\n", "1:14: "},
     };
     for (const auto& [text, where] : bad) {
         INFO(text);
