@@ -4,7 +4,6 @@
 
 #include <ise/core/environment.hpp>
 
-#include <fmt/color.h>
 #include <fmt/format.h>
 
 #include <unistd.h>
@@ -12,16 +11,16 @@
 namespace ise::cli {
 namespace {
 
-fmt::text_style look_of(style how) {
-    using enum fmt::terminal_color;
+// The parameters of the terminal's "select graphic rendition".
+const char* look_of(style how) {
     switch (how) {
-        case style::dim: return fmt::text_style(fmt::emphasis::faint);
-        case style::good: return fmt::fg(green);
-        case style::warning: return fmt::fg(yellow);
-        case style::bad: return fmt::fg(red) | fmt::emphasis::bold;
-        case style::heading: return fmt::text_style(fmt::emphasis::bold);
-        case style::accent: return fmt::fg(cyan);
-        default: return {};
+        case style::dim: return "2";
+        case style::good: return "32";
+        case style::warning: return "33";
+        case style::bad: return "1;31";
+        case style::heading: return "1";
+        case style::accent: return "36";
+        default: return "0";
     }
 }
 
@@ -54,7 +53,7 @@ std::string printed(const styled_page& page, std::size_t width, bool colours) {
         auto line = width == 0 ? one : fitted(one, width);
         for (const auto& part : line.parts)
             all += colours && part.how != style::plain && !part.text.empty()
-                       ? fmt::format(look_of(part.how), "{}", part.text)
+                       ? fmt::format("\x1b[{}m{}\x1b[0m", look_of(part.how), part.text)
                        : part.text;
         all += '\n';
     }

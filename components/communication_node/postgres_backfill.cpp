@@ -79,11 +79,10 @@ std::uint64_t postgres_backfill::add_locked(std::span<const telemetry_packet> pa
     auto before = std::to_string(head);
     std::string lines;
     for (const auto& p : packets)
-        fmt::format_to(std::back_inserter(lines), "{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t\\{}\n", boat_, p.boot,
-                       p.sequence, p.measured_at.time_since_epoch().count(), ++head,
-                       p.received_at.time_since_epoch().count(), static_cast<int>(p.link),
-                       p.raw.size() > 1 ? std::to_integer<int>(p.raw[1]) : 0, p.history ? 't' : 'f',
-                       postgres_bytes(p.raw));
+        lines += fmt::format("{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t{}\t\\{}\n", boat_, p.boot, p.sequence,
+                             p.measured_at.time_since_epoch().count(), ++head, p.received_at.time_since_epoch().count(),
+                             static_cast<int>(p.link), p.raw.size() > 1 ? std::to_integer<int>(p.raw[1]) : 0,
+                             p.history ? 't' : 'f', postgres_bytes(p.raw));
     session_
         .copy_in(
             "COPY atirma.packets(boat, boot, sequence, measured, position, received, link, kind, history, raw) FROM "

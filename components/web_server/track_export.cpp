@@ -57,25 +57,24 @@ std::string to_gpx(std::string_view boat, const std::vector<track_point>& track,
                    const std::vector<track_waypoint>& waypoints, const std::vector<std::string>& links,
                    const report_rhythm& rhythm) {
     std::string out;
-    auto to = std::back_inserter(out);
-    fmt::format_to(to,
-                   "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
-                   "<gpx version=\"1.1\" creator=\"ISE web server\" xmlns=\"http://www.topografix.com/GPX/1/1\">\n");
+    out +=
+        fmt::format("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
+                    "<gpx version=\"1.1\" creator=\"ISE web server\" xmlns=\"http://www.topografix.com/GPX/1/1\">\n");
     if (!waypoints.empty()) {
-        fmt::format_to(to, "<rte><name>{} course</name>\n", xml(boat));
+        out += fmt::format("<rte><name>{} course</name>\n", xml(boat));
         for (std::size_t i = 0; i < waypoints.size(); ++i)
-            fmt::format_to(to, "<rtept lat=\"{:.7f}\" lon=\"{:.7f}\"><name>{}</name></rtept>\n",
-                           waypoints[i].latitude_deg, waypoints[i].longitude_deg, name_of(waypoints[i], i));
+            out += fmt::format("<rtept lat=\"{:.7f}\" lon=\"{:.7f}\"><name>{}</name></rtept>\n",
+                               waypoints[i].latitude_deg, waypoints[i].longitude_deg, name_of(waypoints[i], i));
         out += "</rte>\n";
     }
     if (!track.empty()) {
-        fmt::format_to(to, "<trk><name>{}</name>\n<trkseg>\n", xml(boat));
+        out += fmt::format("<trk><name>{}</name>\n<trkseg>\n", xml(boat));
         const track_point* previous = nullptr;
         for (const auto& point : track) {
             if (is_rough(point)) continue;
             if (previous && is_outage(*previous, point, links, rhythm)) out += "</trkseg>\n<trkseg>\n";
-            fmt::format_to(to, "<trkpt lat=\"{:.7f}\" lon=\"{:.7f}\"><time>{}</time></trkpt>\n", point.latitude_deg,
-                           point.longitude_deg, iso_8601(point.at));
+            out += fmt::format("<trkpt lat=\"{:.7f}\" lon=\"{:.7f}\"><time>{}</time></trkpt>\n", point.latitude_deg,
+                               point.longitude_deg, iso_8601(point.at));
             previous = &point;
         }
         out += "</trkseg>\n</trk>\n";
@@ -88,37 +87,34 @@ std::string to_kml(std::string_view boat, const std::vector<track_point>& all,
     std::vector<track_point> track;
     std::ranges::copy_if(all, std::back_inserter(track), [](const track_point& point) { return !is_rough(point); });
     std::string out;
-    auto to = std::back_inserter(out);
-    fmt::format_to(to,
-                   "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
-                   "<kml xmlns=\"http://www.opengis.net/kml/2.2\" xmlns:gx=\"http://www.google.com/kml/ext/2.2\">\n"
-                   "<Document><name>{}</name>\n"
-                   "<Style id=\"track\"><LineStyle><color>ff2a7fff</color><width>3</width></LineStyle></Style>\n",
-                   xml(boat));
+    out += fmt::format("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
+                       "<kml xmlns=\"http://www.opengis.net/kml/2.2\" xmlns:gx=\"http://www.google.com/kml/ext/2.2\">\n"
+                       "<Document><name>{}</name>\n"
+                       "<Style id=\"track\"><LineStyle><color>ff2a7fff</color><width>3</width></LineStyle></Style>\n",
+                       xml(boat));
     for (std::size_t i = 0; i < waypoints.size(); ++i)
-        fmt::format_to(
-            to, "<Placemark><name>{}</name><Point><coordinates>{:.7f},{:.7f}</coordinates></Point></Placemark>\n",
+        out += fmt::format(
+            "<Placemark><name>{}</name><Point><coordinates>{:.7f},{:.7f}</coordinates></Point></Placemark>\n",
             name_of(waypoints[i], i), waypoints[i].longitude_deg, waypoints[i].latitude_deg);
     if (!track.empty()) {
-        fmt::format_to(to, "<Placemark><name>{} track</name><styleUrl>#track</styleUrl><gx:Track>\n", xml(boat));
-        for (const auto& point : track) fmt::format_to(to, "<when>{}</when>\n", iso_8601(point.at));
+        out += fmt::format("<Placemark><name>{} track</name><styleUrl>#track</styleUrl><gx:Track>\n", xml(boat));
+        for (const auto& point : track) out += fmt::format("<when>{}</when>\n", iso_8601(point.at));
         for (const auto& point : track)
-            fmt::format_to(to, "<gx:coord>{:.7f} {:.7f} 0</gx:coord>\n", point.longitude_deg, point.latitude_deg);
+            out += fmt::format("<gx:coord>{:.7f} {:.7f} 0</gx:coord>\n", point.longitude_deg, point.latitude_deg);
         const auto& last = track.back();
-        fmt::format_to(to,
-                       "</gx:Track></Placemark>\n"
-                       "<Placemark><name>{}</name><description>Last position, {}</description>"
-                       "<TimeStamp><when>{}</when></TimeStamp><Point><coordinates>{:.7f},{:.7f}</coordinates></Point></"
-                       "Placemark>\n",
-                       xml(boat), iso_8601(last.at), iso_8601(last.at), last.longitude_deg, last.latitude_deg);
+        out += fmt::format(
+            "</gx:Track></Placemark>\n"
+            "<Placemark><name>{}</name><description>Last position, {}</description>"
+            "<TimeStamp><when>{}</when></TimeStamp><Point><coordinates>{:.7f},{:.7f}</coordinates></Point></"
+            "Placemark>\n",
+            xml(boat), iso_8601(last.at), iso_8601(last.at), last.longitude_deg, last.latitude_deg);
     }
     for (const auto& point : all)
         if (is_rough(point))
-            fmt::format_to(to,
-                           "<Placemark><name>Rough fix</name><description>Within about {:.0f} "
-                           "m</description><TimeStamp><when>{}</when></TimeStamp>"
-                           "<Point><coordinates>{:.7f},{:.7f}</coordinates></Point></Placemark>\n",
-                           *point.circular_error_m, iso_8601(point.at), point.longitude_deg, point.latitude_deg);
+            out += fmt::format("<Placemark><name>Rough fix</name><description>Within about {:.0f} "
+                               "m</description><TimeStamp><when>{}</when></TimeStamp>"
+                               "<Point><coordinates>{:.7f},{:.7f}</coordinates></Point></Placemark>\n",
+                               *point.circular_error_m, iso_8601(point.at), point.longitude_deg, point.latitude_deg);
     return out += "</Document></kml>\n";
 }
 
@@ -126,15 +122,14 @@ std::string to_csv(const std::vector<track_point>& track, const std::vector<std:
     std::string out = "time_utc,latitude_deg,longitude_deg,speed_mps,course_deg,heading_deg,heel_deg,wind_speed_mps,"
                       "wind_direction_deg,"
                       "circular_error_m,link\r\n";
-    auto to = std::back_inserter(out);
     for (const auto& point : track) {
-        fmt::format_to(to, "{},{:.7f},{:.7f}", iso_8601(point.at), point.latitude_deg, point.longitude_deg);
+        out += fmt::format("{},{:.7f},{:.7f}", iso_8601(point.at), point.latitude_deg, point.longitude_deg);
         for (const auto& value : {point.speed_mps, point.course_deg, point.heading_deg, point.heel_deg,
                                   point.wind_speed_mps, point.wind_direction_deg, point.circular_error_m}) {
-            if (value) fmt::format_to(to, ",{:.2f}", *value);
+            if (value) out += fmt::format(",{:.2f}", *value);
             else out += ',';
         }
-        fmt::format_to(to, ",{}\r\n", point.source < links.size() ? links[point.source] : std::string());
+        out += fmt::format(",{}\r\n", point.source < links.size() ? links[point.source] : std::string());
     }
     return out;
 }

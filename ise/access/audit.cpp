@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include <chrono>
-#include <iterator>
 #include <map>
 #include <utility>
 
@@ -15,14 +14,14 @@ namespace {
 
 // What peers wrote goes into it: nothing of it ends a line or a text.
 void put_text(std::string& to, std::string_view name, std::string_view text) {
-    fmt::format_to(std::back_inserter(to), "\"{}\":\"", name);
+    to += fmt::format("\"{}\":\"", name);
     for (char one : text) {
         auto letter = static_cast<unsigned char>(one);
         if (letter == '"' || letter == '\\') {
             to += '\\';
             to += one;
         } else if (letter < 0x20 || letter >= 0x7f) {
-            fmt::format_to(std::back_inserter(to), "\\u{:04x}", letter);
+            to += fmt::format("\\u{:04x}", letter);
         } else {
             to += one;
         }
@@ -42,7 +41,7 @@ std::string json_of(const audit_entry& entry, std::uint64_t left_out) {
     put_text(made, "what", entry.what);
     put_text(made, "verdict", entry.allowed ? "allowed" : "denied");
     put_text(made, "rule", entry.rule);
-    fmt::format_to(std::back_inserter(made), "\"left_out\":{}}}", left_out);
+    made += fmt::format("\"left_out\":{}}}", left_out);
     return made;
 }
 

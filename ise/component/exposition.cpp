@@ -30,8 +30,8 @@ std::string text_of(exposition::labels of) {
 } // namespace
 
 void exposition::family::line(std::string_view suffix, std::string_view labels, std::string_view value) {
-    if (labels.empty()) fmt::format_to(std::back_inserter(text_), "{}{} {}\n", name_, suffix, value);
-    else fmt::format_to(std::back_inserter(text_), "{}{}{{{}}} {}\n", name_, suffix, labels, value);
+    if (labels.empty()) text_ += fmt::format("{}{} {}\n", name_, suffix, value);
+    else text_ += fmt::format("{}{}{{{}}} {}\n", name_, suffix, labels, value);
     empty_ = false;
     ++in_->series_;
 }

@@ -2,7 +2,7 @@
 
 namespace ise::detail {
 
-std::vector<enumerator> named_values(std::string_view words, const std::int64_t* values, std::size_t count) {
+std::vector<enumerator> named_values(std::string_view words, const candidate_values& values) {
     std::vector<enumerator> found;
     // "… values = {a, b}; …" (g++) or "… values = <a, b>]" (clang): the list begins behind the last "values = ".
     constexpr std::string_view before = "values = ";
@@ -11,7 +11,7 @@ std::vector<enumerator> named_values(std::string_view words, const std::int64_t*
     at += before.size() + 1;
     std::size_t begin = at;
     int depth = 0;
-    for (std::size_t i = 0; at < words.size() && i < count; ++at) {
+    for (std::size_t i = 0; at < words.size() && i < values.size(); ++at) {
         char c = words[at];
         if (c == '\'') { // a number of an enum over char: '\'' and ',' are among them
             std::size_t end = words.find('\'', at + (at + 1 < words.size() && words[at + 1] == '\\' ? 3 : 2));

@@ -2,7 +2,7 @@
 #include <ise/packet/detail/names.hpp>
 
 #include <algorithm>
-#include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -38,46 +38,41 @@ constexpr std::string_view words_of_values() noexcept {
     return __PRETTY_FUNCTION__;
 }
 
-/// Splits the compiler's list "{mode::a, (mode)1, …}" and keeps those that have a name.
-std::vector<enumerator> named_values(std::string_view words, const std::int64_t* values, std::size_t count);
+/// The values that may be enumerators, in their order: `span` of them from `low` on, then the single bits above.
+struct candidate_values {
+    std::int64_t low;
+    std::size_t span, first_bit, bits;
+
+    constexpr std::size_t size() const noexcept { return span + bits - first_bit; }
+    constexpr std::int64_t operator[](std::size_t i) const noexcept {
+        return i < span ? low + static_cast<std::int64_t>(i)
+                        : static_cast<std::int64_t>(std::uint64_t{1} << (first_bit + i - span));
+    }
+};
 
 template <class E>
-struct enum_candidates {
+constexpr candidate_values make_candidates() noexcept {
     using number = std::underlying_type_t<E>;
-    static constexpr bool is_signed = std::is_signed_v<number>;
-    static constexpr std::int64_t low =
-        std::max<std::int64_t>(enum_range<E>::min, is_signed ? std::int64_t{std::numeric_limits<number>::min()} : 0);
-    static constexpr std::int64_t high =
-        sizeof(number) == 8
-            ? std::int64_t{enum_range<E>::max}
-            : std::min<std::int64_t>(enum_range<E>::max, static_cast<std::int64_t>(std::numeric_limits<number>::max()));
-    static constexpr std::size_t bits = sizeof(number) * 8 - (is_signed ? 1 : 0);
+    using limits = std::numeric_limits<number>;
+    constexpr std::int64_t low =
+        std::max<std::int64_t>(enum_range<E>::min, std::is_signed_v<number> ? std::int64_t{limits::min()} : 0);
+    constexpr std::int64_t high =
+        sizeof(number) == 8 ? std::int64_t{enum_range<E>::max}
+                            : std::min<std::int64_t>(enum_range<E>::max, static_cast<std::int64_t>(limits::max()));
+    const std::size_t bits = limits::digits;
+    return {low, static_cast<std::size_t>(high - low + 1),
+            std::min<std::size_t>(bits, std::bit_width(static_cast<std::uint64_t>(high < 0 ? 0 : high))), bits};
+}
 
-    static constexpr std::size_t count_flags() noexcept {
-        std::size_t count = 0;
-        for (std::size_t bit = 0; bit < bits; ++bit) count += is_flag(bit);
-        return count;
-    }
-    static constexpr bool is_flag(std::size_t bit) noexcept {
-        return (std::uint64_t{1} << bit) > static_cast<std::uint64_t>(high < 0 ? 0 : high);
-    }
+template <class E>
+inline constexpr candidate_values candidates = make_candidates<E>();
 
-    static constexpr std::size_t span = static_cast<std::size_t>(high - low + 1);
-    static constexpr auto values = [] {
-        std::array<std::int64_t, span + count_flags()> all{};
-        for (std::size_t i = 0; i < span; ++i) all[i] = low + static_cast<std::int64_t>(i);
-        std::size_t next = span;
-        for (std::size_t bit = 0; bit < bits; ++bit)
-            if (is_flag(bit)) all[next++] = static_cast<std::int64_t>(std::uint64_t{1} << bit);
-        return all;
-    }();
-};
+/// Splits the compiler's list "{mode::a, (mode)1, …}" and keeps those that have a name.
+std::vector<enumerator> named_values(std::string_view words, const candidate_values& values);
 
 template <class E, std::size_t... I>
 std::vector<enumerator> find_enumerators(std::index_sequence<I...>) {
-    using candidates = enum_candidates<E>;
-    return named_values(words_of_values<E, static_cast<E>(candidates::values[I])...>(), candidates::values.data(),
-                        sizeof...(I));
+    return named_values(words_of_values<E, static_cast<E>(candidates<E>[I])...>(), candidates<E>);
 }
 
 } // namespace detail
@@ -87,7 +82,7 @@ std::vector<enumerator> find_enumerators(std::index_sequence<I...>) {
 template <class E>
 const std::vector<enumerator>& enumerators() {
     static const std::vector<enumerator> found =
-        detail::find_enumerators<E>(std::make_index_sequence<detail::enum_candidates<E>::values.size()>());
+        detail::find_enumerators<E>(std::make_index_sequence<detail::candidates<E>.size()>());
     return found;
 }
 

@@ -89,13 +89,7 @@ struct codec<std::vector<T, A>> {
         }
         return true;
     }
-    static type_description describe() {
-        type_description type;
-        type.kind = type_kind::vector;
-        type.members.push_back({{}, codec<T>::describe(), {}});
-        type.complete();
-        return type;
-    }
+    static type_description describe() { return describe_parts(type_kind::vector, {&codec<T>::describe}); }
 };
 
 template <class T>
@@ -120,13 +114,7 @@ struct codec<std::optional<T>> {
             return in.fail_flag("the flag of an optional", std::to_integer<unsigned>(*flag));
         return in(value ? *value : value.emplace());
     }
-    static type_description describe() {
-        type_description type;
-        type.kind = type_kind::optional;
-        type.members.push_back({{}, codec<T>::describe(), {}});
-        type.complete();
-        return type;
-    }
+    static type_description describe() { return describe_parts(type_kind::optional, {&codec<T>::describe}); }
 };
 
 template <class... T>
@@ -151,13 +139,7 @@ struct codec<std::variant<T...>> {
             return in.fail_alternative(which, sizeof...(T));
         return read_alternative(in, value, which, std::index_sequence_for<T...>()) || in.in_alternative(which);
     }
-    static type_description describe() {
-        type_description type;
-        type.kind = type_kind::variant;
-        (type.members.push_back({{}, codec<T>::describe(), {}}), ...);
-        type.complete();
-        return type;
-    }
+    static type_description describe() { return describe_parts(type_kind::variant, {&codec<T>::describe...}); }
 
 private:
     template <std::size_t... I>
@@ -223,13 +205,7 @@ struct set_codec {
         }
         return true;
     }
-    static type_description describe() {
-        type_description type;
-        type.kind = type_kind::set;
-        type.members.push_back({{}, codec<K>::describe(), {}});
-        type.complete();
-        return type;
-    }
+    static type_description describe() { return describe_parts(type_kind::set, {&codec<K>::describe}); }
 };
 template <standard_set Set>
 struct codec<Set> : set_codec<Set, typename Set::key_type> {};
@@ -271,12 +247,7 @@ struct map_codec {
         return true;
     }
     static type_description describe() {
-        type_description type;
-        type.kind = type_kind::map;
-        type.members.push_back({{}, codec<K>::describe(), {}});
-        type.members.push_back({{}, codec<V>::describe(), {}});
-        type.complete();
-        return type;
+        return describe_parts(type_kind::map, {&codec<K>::describe, &codec<V>::describe});
     }
 };
 template <standard_map Map>

@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/packet/detail/codec_scalars.hpp>
-#include <ise/packet/detail/natural.hpp>
+
+#include <memory>
 
 /// Types that hold a number of elements or fields known at compile time.
 namespace ise::detail {
@@ -81,6 +82,11 @@ struct sequence_of<type_list<F...>> {
     using type = sequence<F...>;
 };
 
+template <class F>
+void encode_field(buffer& out, const void* value) {
+    writer{out}(*static_cast<const F*>(value));
+}
+
 template <reflected T>
 struct codec<T> {
     using fields = typename sequence_of<field_list<T>>::type;
@@ -103,25 +109,16 @@ struct codec<T> {
         return apply_fields(value, [&in](auto&... f) { return fields::read(in, field_names<T>.data(), f...); });
     }
 
-    static type_description describe();
+    static type_description describe() {
+        std::array<described_field, field_names<T>.size()> fields;
+        const T presets{};
+        auto next = fields.begin();
+        for_each_field(presets, [&next]<class F>(std::string_view name, const F& field) {
+            *next++ = {name, &codec<std::remove_cv_t<F>>::describe, &encode_field<F>, std::addressof(field)};
+        });
+        return describe_structure(type_name<T>, fields);
+    }
 };
-
-template <reflected T>
-type_description codec<T>::describe() {
-    type_description type;
-    type.kind = type_kind::structure;
-    type.name = std::string(type_name<T>);
-    buffer preset;
-    const writer to(preset);
-    const T presets{};
-    for_each_field(presets, [&]<class F>(std::string_view name, const F& field) {
-        preset.clear();
-        to(field);
-        add_field(type, name, codec<std::remove_cv_t<F>>::describe(), preset.view());
-    });
-    type.complete();
-    return type;
-}
 
 // --- pair and tuple -----------------------------------------------------------------------------------------------
 inline constexpr auto tuple_field_names = [] {
@@ -151,13 +148,7 @@ struct tuple_codec {
     static bool read(reader& in, Tuple& value) {
         return std::apply([&in](auto&... f) { return fields::read(in, tuple_field_names.data(), f...); }, value);
     }
-    static type_description describe() {
-        type_description type;
-        type.kind = type_kind::tuple;
-        (type.members.push_back({{}, codec<F>::describe(), {}}), ...);
-        type.complete();
-        return type;
-    }
+    static type_description describe() { return describe_parts(type_kind::tuple, {&codec<F>::describe...}); }
 };
 template <class A, class B>
 struct codec<std::pair<A, B>> : tuple_codec<std::pair<A, B>, A, B> {};

@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/packet/detail/describe.hpp>
 #include <ise/packet/detail/support.hpp>
 #include <ise/packet/detail/wire_archive.hpp>
 #include <ise/packet/type.hpp>
@@ -49,13 +50,6 @@ constexpr type_kind kind_of_number() {
     else if constexpr (sizeof(T) == 2) return std::is_signed_v<T> ? type_kind::i16 : type_kind::u16;
     else if constexpr (sizeof(T) == 4) return std::is_signed_v<T> ? type_kind::i32 : type_kind::u32;
     else return std::is_signed_v<T> ? type_kind::i64 : type_kind::u64;
-}
-
-inline type_description describe_scalar(type_kind kind) {
-    type_description type;
-    type.kind = kind;
-    type.complete();
-    return type;
 }
 
 template <number T>
@@ -117,15 +111,7 @@ struct codec<E> {
         return true;
     }
     static type_description describe() {
-        type_description type;
-        type.kind = type_kind::enumeration;
-        // Over char, too, an enum is a number: char alone is text.
-        constexpr auto kind = kind_of_number<number>();
-        type.number = kind == type_kind::character ? type_kind::i8 : kind;
-        type.name = std::string(type_name<E>);
-        type.enumerators = enumerators<E>();
-        type.complete();
-        return type;
+        return describe_enumeration(type_name<E>, kind_of_number<number>(), enumerators<E>());
     }
 };
 

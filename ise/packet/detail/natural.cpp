@@ -65,10 +65,4 @@ bool is_natural(const type_description& type, bytes_view preset) {
     return std::ranges::equal(natural.view(), preset);
 }
 
-void add_field(type_description& into, std::string_view name, type_description type, bytes_view preset) {
-    type_member member{std::string(name), std::move(type), {}};
-    if (!is_natural(member.type, preset)) member.preset = bytes(preset.begin(), preset.end());
-    into.members.push_back(std::move(member));
-}
-
 } // namespace ise::detail

@@ -23,7 +23,4 @@ void append_preset(const type_member& field, buffer& out, const size_limit& limi
 /// Whether an encoded default is the type's natural value: then the schema needs no word about it.
 bool is_natural(const type_description& type, bytes_view preset);
 
-/// Appends a field to the description of a struct; `preset`: its default, encoded.
-void add_field(type_description& into, std::string_view name, type_description type, bytes_view preset);
-
 } // namespace ise::detail

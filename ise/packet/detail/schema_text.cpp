@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <iterator>
 
 namespace ise::detail {
 
@@ -34,7 +33,7 @@ public:
 private:
     template <class... T>
     void put(fmt::format_string<T...> format, T&&... values) {
-        fmt::format_to(std::back_inserter(text), format, std::forward<T>(values)...);
+        text += fmt::format(format, std::forward<T>(values)...);
     }
 
     void named(std::string_view word, const std::string& name) {

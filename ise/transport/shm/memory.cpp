@@ -49,14 +49,12 @@ bool is_late(const owned_fd& newest) {
 }
 failure too_late() { return {errc::io_failed, "no shared memory: too few file descriptors are left (ulimit -n)"}; }
 
-bool same_namespace(pid_t other, const char* kind) noexcept {
+bool same_namespace(pid_t other, const char* kind) {
     struct stat here {
     }, there{};
-    std::array<char, 64> path{};
-    *fmt::format_to_n(path.data(), path.size() - 1, "/proc/{}/ns/{}", other, kind).out = '\0';
-    if (::stat(path.data(), &there) != 0) return false;
-    *fmt::format_to_n(path.data(), path.size() - 1, "/proc/self/ns/{}", kind).out = '\0';
-    return ::stat(path.data(), &here) == 0 && here.st_ino == there.st_ino && here.st_dev == there.st_dev;
+    if (::stat(fmt::format("/proc/{}/ns/{}", other, kind).c_str(), &there) != 0) return false;
+    return ::stat(fmt::format("/proc/self/ns/{}", kind).c_str(), &here) == 0 && here.st_ino == there.st_ino &&
+           here.st_dev == there.st_dev;
 }
 
 } // namespace
@@ -150,7 +148,7 @@ result<descriptors> take_descriptors(std::span<owned_fd> passed) {
     return made;
 }
 
-bool is_kindred(int socket) noexcept {
+bool is_kindred(int socket) {
     auto peer = real::credentials_of_peer(socket);
     if (!peer || peer->pid <= 0 || peer->uid != ::geteuid()) return false;
     return peer->pid == ::getpid() || (same_namespace(peer->pid, "pid") && same_namespace(peer->pid, "user"));

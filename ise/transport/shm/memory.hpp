@@ -64,7 +64,7 @@ result<descriptors> take_descriptors(std::span<owned_fd> passed);
 
 /// Whether the process at the other end of a local socket is of the same user, and among the same processes (PID and
 /// user namespace): one that could stop this process anyway.
-bool is_kindred(int socket) noexcept;
+bool is_kindred(int socket);
 
 /// Sends bytes together with descriptors over a local socket that has room. Whether all went.
 bool send_with(int socket, std::span<const std::byte> bytes, const descriptors& passed) noexcept;
