@@ -14,13 +14,10 @@ std::string_view three(char quote) noexcept { return quote == '"' ? "\"\"\"" : "
 std::size_t end_of_string(std::string_view text, std::size_t at, char quote, bool lines, std::size_t& stray) noexcept {
     for (; at < text.size(); ++at) {
         if (text[at] == '\\' && quote == '"') {
-            auto next = text.find_first_not_of(" \t\r\n", at + 1);
-            if (lines && next != at + 1 && next != text.npos) { // the string goes on at the next word
-                if (beyond_ascii(text[next])) stray = next;
-                at = next - 1;
-            } else {
-                ++at;
-            }
+            // In a string of several lines: whether it is an escape, or the string goes on at the next word.
+            auto next = text.find_first_not_of(" \t\r\n\v\f", at + 1);
+            if (lines && next != text.npos && beyond_ascii(text[next])) stray = next;
+            at = lines && next != text.npos && next != at + 1 ? next - 1 : at + 1;
         } else if (text[at] == '\n' && !lines) {
             return at;
         } else if (text[at] == quote && !lines) {

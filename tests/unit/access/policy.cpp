@@ -317,6 +317,7 @@ TEST_CASE("access: characters beyond ASCII are for strings and comments, and ref
         {"version = 1\nsystem = \"\"ø\n", "2:12: "},
         {"version = 1\nsystem = \"a\nø\"\n", "3:1: "},             // a string ends with its line
         {"version = 1\nsystem = \"\"\"a\\\n  ø\"\"\"\n", "3:3: "}, // on the line that goes on
+        {"version = 1\nsystem = \"\"\"\\ø\"\"\"\n", "2:14: "},     // an escape that TOML does not have
         {"\xD6\x22", "1:1: "},
         {"version = 0\"ñ\"\n", "1:13: "}, // a quote within a word begins no string
         {"version = 0[\"ñ\"\n", "1:14: "},
