@@ -79,7 +79,7 @@ task<std::vector<rule>> rules_of(context& in, dynamic_contract service, std::str
         document = nlohmann::json::parse(text);
     } catch (const nlohmann::json::parse_error& wrong) {
         throw problem(exit_code::mismatch, "malformed",
-                      fmt::format("what '{}' is to say is no JSON: {}", service.name(), wrong.what()));
+                      fmt::format("what '{}' is to say is no JSON: {}", service.name(), detail::reason_of(wrong)));
     }
     const bool calls = service.kind() == service_kind::request_response;
     const auto& answer = service.packet(calls ? role::response : role::published);

@@ -3,6 +3,7 @@
 #include "text.hpp"
 
 #include <ise/core/time_text.hpp>
+#include <ise/packet/detail/text_forms.hpp>
 
 #include <nlohmann/json.hpp>
 
@@ -107,7 +108,7 @@ result<void> read_spans(std::string_view text, std::vector<traced_span>& into) {
         try {
             read_line(line, into);
         } catch (const json::exception& wrong) {
-            return failure(errc::malformed, fmt::format("line {} is not OTLP/JSON: {}", number, wrong.what()));
+            return failure(errc::malformed, fmt::format("line {} is not OTLP/JSON: {}", number, detail::reason_of(wrong)));
         }
     }
     return {};

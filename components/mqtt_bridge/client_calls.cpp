@@ -67,18 +67,22 @@ void client_calls::refuse(const message& asked, errc code, std::string why) {
     answer(asked, outcome_of(failure(code, std::move(why))));
 }
 
+std::string client_calls::unanswerable(std::string_view topic) const {
+    const auto& prefix = in_->options.prefix;
+    if (topic.empty()) return "it has no response topic (MQTT 5)";
+    if (topic.size() > max_topic_bytes) // it is noted with each request
+        return fmt::format("its response topic has {} bytes, {} at most (max_topic_bytes)", topic.size(),
+                           max_topic_bytes);
+    // An answer there would pass as a packet of a component, or be a request itself.
+    if (topic.starts_with(prefix) && (topic.size() == prefix.size() || topic[prefix.size()] == '/'))
+        return fmt::format("its response topic is one of the bridge's own, which begin with {}/", readable(prefix));
+    return {};
+}
+
 void client_calls::take(message asked) {
-    if (asked.response_topic.empty()) {
+    if (auto why = unanswerable(asked.response_topic); !why.empty()) {
         ++in_->counts.not_published;
-        in_->note(fmt::format("a request of {} is not executed: it has no response topic (MQTT 5)",
-                              readable(asked.topic.substr(0, 200))));
-        return;
-    }
-    if (asked.response_topic.size() > max_topic_bytes) { // it is noted with each request
-        ++in_->counts.not_published;
-        in_->note(fmt::format("a request of {} is not executed: its response topic has {} bytes, {} at most "
-                              "(max_topic_bytes)",
-                              readable(asked.topic.substr(0, 200)), asked.response_topic.size(), max_topic_bytes));
+        in_->note(fmt::format("a request of {} is not executed: {}", readable(asked.topic.substr(0, 200)), why));
         return;
     }
     if (asked.correlation.size() < min_correlation || asked.correlation.size() > max_correlation)

@@ -14,6 +14,7 @@
 #include <memory>
 #include <set>
 #include <string>
+#include <string_view>
 #include <utility>
 
 namespace ise::mqtt {
@@ -42,6 +43,8 @@ private:
     struct callable;
     static task<> call(std::shared_ptr<client_calls> me, std::shared_ptr<callable> service, dynamic_packet request,
                        message asked);
+    /// Why a request with this response topic gets no answer, and so is not executed; empty: it gets one.
+    std::string unanswerable(std::string_view topic) const;
     void answer(const message& asked, const call_outcome& outcome);
     void refuse(const message& asked, errc code, std::string why);
 

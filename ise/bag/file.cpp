@@ -62,12 +62,17 @@ private:
 class file_sink final : public sink {
 public:
     file_sink(int opened, std::string name) : file_(opened), name_(std::move(name)) {}
+    // An empty file, as on a disk that was full already, would only be in the way of the next attempt.
+    ~file_sink() override {
+        if (empty_) ::unlink(name_.c_str());
+    }
     const std::string& name() const noexcept override { return name_; }
     result<void> write(bytes_view data) override {
         while (!data.empty()) {
             auto moved = ::write(file_.number(), data.data(), data.size());
             if (moved < 0 && errno == EINTR) continue;
             if (moved < 0) return bag_file_failure("write", name_);
+            empty_ = false;
             data = data.subspan(static_cast<std::size_t>(moved));
         }
         return {};
@@ -81,6 +86,7 @@ public:
 private:
     descriptor file_;
     std::string name_;
+    bool empty_ = true;
 };
 
 class bytes_source final : public source {

@@ -350,9 +350,7 @@ json parse(std::string_view text, const json_limits& limits, std::string_view pa
     try {
         return json::parse(text);
     } catch (const json::exception& why) {
-        std::string_view what = why.what(); // "[json.exception.parse_error.101] parse error at line 1, column 8: …"
-        if (std::size_t end = what.find("] "); end != std::string_view::npos) what.remove_prefix(end + 2);
-        throw error(errc::malformed, fmt::format("{}: no JSON: {}", packet_name, what));
+        throw error(errc::malformed, fmt::format("{}: no JSON: {}", packet_name, detail::reason_of(why)));
     }
 }
 } // namespace

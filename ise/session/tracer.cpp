@@ -9,10 +9,10 @@ namespace ise {
 namespace {
 
 std::optional<std::uint64_t> threshold_of(std::optional<double> rate) noexcept {
-    constexpr auto most = std::numeric_limits<std::uint64_t>::max();
+    constexpr auto max_number = std::numeric_limits<std::uint64_t>::max();
     if (!rate) return std::nullopt;
     if (!(*rate > 0)) return 0; // ids are never 0
-    return *rate >= 1 ? most : static_cast<std::uint64_t>(*rate * 0x1p64);
+    return *rate >= 1 ? max_number : static_cast<std::uint64_t>(*rate * 0x1p64);
 }
 
 // SplitMix64: every state gives another number, never 0.

@@ -8,13 +8,13 @@ namespace ise {
 std::size_t unread_replies::with(net::connection& one) {
     auto& all = by_host_[net::host_of(one.peer_name())];
     all.insert(&one);
-    std::size_t bytes = 0;
+    std::size_t total = 0;
     for (auto at = all.begin(); at != all.end();) {
         auto waiting = (*at)->out().pending_call_bytes();
-        if (waiting > free_bytes || *at == &one) bytes += waiting, ++at;
+        if (waiting > free_bytes || *at == &one) total += waiting, ++at;
         else at = all.erase(at);
     }
-    return bytes;
+    return total;
 }
 
 void unread_replies::forget(net::connection& one) noexcept {

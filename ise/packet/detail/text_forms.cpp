@@ -12,6 +12,12 @@
 
 namespace ise::detail {
 
+std::string_view reason_of(const std::exception& why) noexcept {
+    std::string_view what = why.what();
+    if (std::size_t end = what.find("] "); what.starts_with('[') && end != what.npos) what.remove_prefix(end + 2);
+    return what;
+}
+
 namespace {
 constexpr std::string_view digits64 = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 

@@ -2,6 +2,7 @@
 #include <ise/core/bytes.hpp>
 #include <ise/packet/type.hpp>
 
+#include <exception>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -19,6 +20,10 @@ void append_json_string(std::string& out, std::string_view text);
 /// The shortest digits that read back as the same number; "NaN", "Infinity", "-Infinity" in quotes.
 void append_json_number(std::string& out, double value);
 void append_json_number(std::string& out, float value);
+
+/// What a JSON library's exception says, without the exception's own name: "[json.exception.parse_error.101] parse error
+/// at line 1…".
+std::string_view reason_of(const std::exception& why) noexcept;
 
 /// A duration's ticks as seconds, a time point's as ISO 8601 in UTC, both as JSON; "7 ticks" where neither is exact.
 void append_json_time(std::string& out, const type_description& type, std::int64_t ticks);

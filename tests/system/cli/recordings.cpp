@@ -228,6 +228,11 @@ TEST_CASE("a disk that is full ends a recording with what is left to do, and a u
     CHECK_THAT(full.err, Contains("cannot write " + file) && Contains("make room") &&
                              Contains("ise bag recover " + file + " --out FILE"));
     CHECK(bag({"recover", file, "--out", whole.in.file("recovered.mcap")}).exit_code == 0);
+    auto none = whole.in.file("none.mcap");
+    auto empty = with_room("0", {"--name-server", there.at.text(), "record", "--out", none});
+    CHECK(empty.exit_code != 0);
+    CHECK_THAT(empty.err, Contains("cannot write " + none) && !Contains("recover"));
+    CHECK_FALSE(std::filesystem::exists(none));
     auto merged = with_room("0", {"bag", "merge", whole.path, "--out", both});
     CHECK(merged.exit_code != 0);
     CHECK_THAT(merged.err, Contains("cannot write " + both));

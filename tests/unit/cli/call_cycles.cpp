@@ -203,7 +203,7 @@ TEST_CASE("spans are drawn as a tree, whatever a file says") {
                        "\n"}) {
         auto read = read_spans(wrong, all);
         REQUIRE_FALSE(read);
-        CHECK_THAT(read.error().message(), Contains("line 1 is not OTLP/JSON"));
+        CHECK_THAT(read.error().message(), Contains("line 1 is not OTLP/JSON") && !Contains("json.exception"));
     }
     // Two that cause each other end, too.
     std::vector<traced_span> loop;
