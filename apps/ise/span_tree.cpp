@@ -108,7 +108,8 @@ result<void> read_spans(std::string_view text, std::vector<traced_span>& into) {
         try {
             read_line(line, into);
         } catch (const json::exception& wrong) {
-            return failure(errc::malformed, fmt::format("line {} is not OTLP/JSON: {}", number, detail::reason_of(wrong)));
+            return failure(errc::malformed,
+                           fmt::format("line {} is not OTLP/JSON: {}", number, detail::reason_of(wrong)));
         }
     }
     return {};
