@@ -456,7 +456,7 @@ void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
                             fmt::format("the response of '{}' has {} bytes, its caller accepts {} (max_message_bytes)",
                                         of.name, size, most),
                             execution::unknown);
-        else if (number == 0 && out.size() - start > unread_replies::free_bytes)
+        else if (number == 0 && out.size() - start > host_memory::free_bytes)
             problem = over_.replies_not_taken(execution::unknown, out.size() - start);
     } catch (const std::exception& thrown) {
         problem.emplace(errc::handler_failed,

@@ -19,14 +19,6 @@ using wire::frame_type;
 // One flush writes at most this much before others get their turn.
 constexpr std::size_t flush_bytes = 4 * 1024 * 1024;
 
-task<> nothing() { co_return; }
-
-// Asio keeps two frames that have ended for the next ones, whatever their size: a handshake's are twice as large as a
-// reader's. While this lives it has none, so that what lives as long as a connection is as large as it must be.
-struct no_used_frames {
-    task<> first = nothing(), second = nothing();
-};
-
 } // namespace
 
 connection::connection(loop& on, std::unique_ptr<stream> transport, session_terms terms, wire::parser parser)
@@ -53,7 +45,6 @@ void connection::start(task_scope& scope, std::weak_ptr<user> receiver) {
     known_user_ = receiver.lock().get();
     user_ = std::move(receiver);
     scope_ = &scope;
-    no_used_frames fitting;
     scope.spawn("reader of " + peer_name(), read(shared_from_this()));
     pulse();
 }
@@ -110,6 +101,9 @@ void connection::on_bytes(const transfer& got) {
         parser_.commit(got.bytes);
     }
     take_frames();
+    auto* to = receiver();
+    if (!open() || !to || unfinished_bytes() == 0) return;
+    if (auto fits = to->on_unfinished(); !fits) end_for(fits.error());
 }
 
 void connection::end_for_read(const std::error_code& problem) {

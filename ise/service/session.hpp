@@ -63,6 +63,7 @@ public:
 
 private:
     result<void> on_frame(const net::carried_frame& received) override;
+    result<void> on_unfinished() override { return messages_fit(); }
     void on_closed(const failure& cause) override;
     incoming_subscriptions& subscribers();
 

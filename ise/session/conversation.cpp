@@ -102,8 +102,8 @@ std::optional<failure> conversation::replies_not_taken(execution state, std::siz
     if (unsent > runtime_.options().session_bytes)
         return failure(errc::overloaded,
                        fmt::format("{} bytes of replies wait for being taken (session_bytes)", unsent), state);
-    counted_in_ = runtime_.unread();
-    auto of_host = counted_in_->with(*connection_) - besides;
+    counted_in_ = runtime_.hosts();
+    auto of_host = counted_in_->with(*connection_).unread_replies - besides;
     if (of_host <= runtime_.options().host_bytes()) return std::nullopt;
     return failure(
         errc::overloaded,
@@ -116,11 +116,20 @@ result<void> conversation::takes_answers() {
         return failure(errc::overloaded,
                        fmt::format("does not take its answers: {} bytes of them wait (session_bytes)", unsent));
     if (!replies_wait()) return {};
-    counted_in_ = runtime_.unread();
-    auto of_host = counted_in_->with(*connection_);
+    counted_in_ = runtime_.hosts();
+    auto of_host = counted_in_->with(*connection_).unread_replies;
     if (of_host <= 2 * runtime_.options().host_bytes()) return {};
     return failure(errc::overloaded,
                    fmt::format("does not take its answers: {} bytes of them wait for its host (host_bytes)", of_host));
+}
+
+result<void> conversation::messages_fit() {
+    if (connection_->unfinished_bytes() <= host_memory::free_bytes) return {};
+    counted_in_ = runtime_.hosts();
+    auto of_host = counted_in_->with(*connection_).unfinished_messages;
+    if (of_host <= runtime_.options().unfinished_bytes()) return {};
+    return failure(errc::too_large,
+                   fmt::format("unfinished messages from its host hold {} bytes (unfinished_bytes)", of_host));
 }
 
 std::optional<failure> objection_to(const wire::introduction& result) {

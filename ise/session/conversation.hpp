@@ -50,12 +50,14 @@ public:
     /// Sends a frame that overtakes calls, replies and packets.
     void send_ahead(wire::frame_type type, std::uint64_t id, function_ref<void(buffer&)> write_body);
     /// Whether so much waits that `replies_not_taken` has to be asked.
-    bool replies_wait() const noexcept { return connection_->out().pending_call_bytes() > unread_replies::free_bytes; }
+    bool replies_wait() const noexcept { return connection_->out().pending_call_bytes() > host_memory::free_bytes; }
     /// Why the peer gets no further reply, as a failure for it: it, or its host, does not take those that wait, without
     /// the last `besides` bytes.
     std::optional<failure> replies_not_taken(execution state, std::size_t besides = 0);
     /// errc::overloaded where the peer does not take its answers: each further frame that is answered makes it worse.
     result<void> takes_answers();
+    /// errc::too_large where the unfinished messages of the peer's host hold more than `unfinished_bytes`.
+    result<void> messages_fit();
 
     /// Ends it, saying why.
     void finish(failure why, duration grace) { connection_->finish(std::move(why), grace); }
@@ -72,8 +74,8 @@ private:
     std::shared_ptr<net::connection> connection_;
     schema_exchange schemas_;
     verified_peer verified_;
-    std::shared_ptr<unread_replies> counted_in_; // once replies waited
-    std::unique_ptr<access::view> view_;         // of the policy by the peer; once it was asked for
+    std::shared_ptr<host_memory> counted_in_; // once it held much for its peer
+    std::unique_ptr<access::view> view_;      // of the policy by the peer; once it was asked for
     const transport* const over_; // of a peer without a name; null: it has one, or the transport is not known
 };
 

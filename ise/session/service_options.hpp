@@ -2,6 +2,7 @@
 #include <ise/core/time.hpp>
 #include <ise/wire/messages.hpp>
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -38,6 +39,10 @@ struct service_options {
     std::size_t session_bytes = std::size_t{64} << 20;
     /// The same for the replies of all sessions of one host together.
     std::size_t host_bytes() const noexcept { return 4 * session_bytes; }
+    /// Messages from all sessions of one host of which a part has come.
+    std::size_t unfinished_bytes() const noexcept {
+        return std::max<std::size_t>(host_bytes(), 2 * accepts.max_message_bytes);
+    }
     /// Published packets that wait to be sent; beyond, the policies apply as if the queues were full.
     std::size_t queued_bytes() const noexcept { return 4 * session_bytes; }
     /// Packets that wait until schemas have been compared.

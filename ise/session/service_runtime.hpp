@@ -6,9 +6,9 @@
 #include <ise/core/task_scope.hpp>
 #include <ise/core/time.hpp>
 #include <ise/net/heartbeats.hpp>
+#include <ise/session/host_memory.hpp>
 #include <ise/session/schema_cache.hpp>
 #include <ise/session/service_options.hpp>
-#include <ise/session/unread_replies.hpp>
 #include <ise/wire/messages.hpp>
 
 #include <array>
@@ -84,7 +84,7 @@ public:
     /// What is known of packets: of this component's own, and what peers have told.
     schema_cache& schemas() noexcept { return schemas_; }
     /// Sessions that have to do with it keep it.
-    const std::shared_ptr<unread_replies>& unread() const noexcept { return unread_; }
+    const std::shared_ptr<host_memory>& hosts() const noexcept { return hosts_; }
 
     const wire::identity& self() const noexcept { return self_; }
     void set_epoch(std::uint64_t epoch) noexcept { self_.epoch = epoch; }
@@ -142,7 +142,7 @@ private:
     service_options options_;
     logger log_;
     schema_cache schemas_;
-    std::shared_ptr<unread_replies> unread_ = std::make_shared<unread_replies>();
+    std::shared_ptr<host_memory> hosts_ = std::make_shared<host_memory>();
     service_counts counts_;
     std::shared_ptr<net::heartbeat_senders> signs_ = std::make_shared<net::heartbeat_senders>();
     std::array<log_limiter, peer_troubles> troubles_;

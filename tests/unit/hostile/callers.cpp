@@ -150,7 +150,7 @@ TEST_CASE("hostile: a host gains no memory by many sessions that take no replies
             most = std::max(most, unread());
         }
     at.all.world.run_for(1s);
-    CHECK(std::max(most, unread()) < options.host_bytes() + sessions * 2 * ise::unread_replies::free_bytes + 600'000);
+    CHECK(std::max(most, unread()) < options.host_bytes() + sessions * 2 * ise::host_memory::free_bytes + 600'000);
     at.others_do_not_notice();
     peers.clear();
     at.all.world.run_for(10s);

@@ -1,6 +1,8 @@
 // Frames and messages that are too long, too many or never end.
 #include "harbour.hpp"
 
+#include <list>
+
 namespace messages_test {
 
 using namespace hostile_test;
@@ -77,6 +79,32 @@ TEST_CASE("hostile: frames and messages beyond what was agreed on end the sessio
     INFO(at.all_warnings());
     CHECK(at.warned(expected));
     CHECK_THAT(peer.why(frame_type::goodbye).message(), Contains(expected)); // it is told, too
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: a host gains no memory by many sessions with unfinished messages, and others do not notice") {
+    ise::service_options options;
+    options.session_bytes = 100'000;
+    options.accepts.max_message_bytes = 500'000;
+    harbour at("tcp", options);
+    REQUIRE(options.unfinished_bytes() == 1'000'000);
+    std::list<raw_peer> peers;
+    std::size_t most = 0;
+    for (int i = 0; i < 20; ++i) {
+        auto& peer = peers.emplace_back(at.all, at.sea, at.channel, false);
+        peer.greet("raw" + std::to_string(i));
+        for (std::uint64_t id = 1; id <= 2; ++id) begin_message(peer, id, 500'000, 90'000);
+        peer.finish();
+        std::size_t held = 0;
+        for (const auto& [session, one] : at.boat.services->sessions()) held += session->wire().unfinished_bytes();
+        most = std::max(most, held);
+    }
+    at.all.world.run_for(1s);
+    CHECK(most > 900'000);
+    CHECK(most < 1'200'000);
+    CHECK(at.boat.services->sessions().size() == 5);
+    INFO(at.all_warnings());
+    CHECK(at.warned("unfinished messages from its host hold 1080000 bytes (unfinished_bytes)"));
     at.others_do_not_notice();
 }
 

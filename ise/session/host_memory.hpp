@@ -1,0 +1,31 @@
+#pragma once
+#include <cstddef>
+#include <map>
+#include <set>
+#include <string>
+
+namespace ise {
+
+namespace net {
+class connection;
+}
+
+/// What the sessions of a component hold for their peers, by host: a host gains no memory by many sessions.
+class host_memory {
+public:
+    /// Of one session, which are not counted.
+    static constexpr std::size_t free_bytes = std::size_t{64} << 10;
+
+    struct held {
+        std::size_t unread_replies = 0;      ///< that wait to be sent
+        std::size_t unfinished_messages = 0; ///< of which a part has come
+    };
+    /// By all sessions of the host of `one`, which is one of them until it is forgotten.
+    held with(net::connection& one);
+    void forget(net::connection& one) noexcept;
+
+private:
+    std::map<std::string, std::set<net::connection*>, std::less<>> by_host_;
+};
+
+} // namespace ise
