@@ -31,8 +31,8 @@ std::size_t end_of_string(std::string_view text, std::size_t at, char quote, boo
     return text.size();
 }
 
-// Where toml++ expects what, as far as quotes depend on it: within a value that is no string it looks ahead to the end of the
-// word, so that a quote there begins nothing.
+// What toml++ expects, as far as quotes depend on it: within a value that is no string it looks ahead to the end of
+// the word, so that a quote there begins nothing.
 class position {
 public:
     bool string_begins() const noexcept { return keys() || !within_word_; }
