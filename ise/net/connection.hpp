@@ -72,7 +72,7 @@ public:
     public:
         /// A failure ends the connection: the peer broke the protocol.
         virtual result<void> on_frame(const carried_frame& received) = 0;
-        /// `unfinished_bytes()` are held after a read. A failure as above.
+        /// Called after a read that leaves messages incomplete (`unfinished_bytes()`). A failure as above.
         virtual result<void> on_unfinished() { return {}; }
         /// The last call, exactly once, never from within a call of the user.
         virtual void on_closed(const failure& cause) = 0;
@@ -142,7 +142,7 @@ public:
     bool tells_clock() const noexcept { return terms_.features & wire::feature::clock; }
     /// The last measured round trip of a heartbeat; zero before the first.
     duration round_trip() const noexcept { return alive_.round_trip(); }
-    /// Of messages of which a part has come.
+    /// Bytes of messages of which some pieces are missing.
     std::size_t unfinished_bytes() const noexcept { return reassembly_ ? reassembly_->bytes_held() : 0; }
     time_point last_heard() const noexcept { return alive_.last_heard(); }
     /// The last thing heard was its node, which says that the peer is busy.

@@ -10,10 +10,10 @@ namespace net {
 class connection;
 }
 
-/// What the sessions of a component hold for their peers, by host: a host gains no memory by many sessions.
+/// Memory that the sessions of a component hold for their peers, by host: a host gains none by opening many sessions.
 class host_memory {
 public:
-    /// Of one session, which are not counted.
+    /// A session that holds no more is not counted.
     static constexpr std::size_t free_bytes = std::size_t{64} << 10;
 
     struct held {

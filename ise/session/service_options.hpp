@@ -39,7 +39,7 @@ struct service_options {
     std::size_t session_bytes = std::size_t{64} << 20;
     /// The same for the replies of all sessions of one host together.
     std::size_t host_bytes() const noexcept { return 4 * session_bytes; }
-    /// Messages from all sessions of one host of which a part has come.
+    /// The same for messages in pieces, of which some are missing, from all sessions of one host.
     std::size_t unfinished_bytes() const noexcept {
         return std::max<std::size_t>(host_bytes(), 2 * accepts.max_message_bytes);
     }

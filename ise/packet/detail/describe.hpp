@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-/// Types as data, made by calls of functions: what each packet's code has to hold is a table of its fields.
+/// Descriptions of types. The code of a packet type holds a table of its fields only; the rest is compiled once.
 namespace ise::detail {
 
 using describer = type_description (*)();

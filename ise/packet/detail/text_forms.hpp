@@ -21,7 +21,7 @@ void append_json_string(std::string& out, std::string_view text);
 void append_json_number(std::string& out, double value);
 void append_json_number(std::string& out, float value);
 
-/// What an exception of the JSON library says, without its name: "[json.exception.parse_error.101] parse error at…".
+/// The message of a JSON library's exception without its name: "[json.exception.parse_error.101] parse error at…".
 std::string_view reason_of(const std::exception& why) noexcept;
 
 /// A duration's ticks as seconds, a time point's as ISO 8601 in UTC, both as JSON; "7 ticks" where neither is exact.
