@@ -31,8 +31,8 @@ std::size_t end_of_string(std::string_view text, std::size_t at, char quote, boo
     return text.size();
 }
 
-// Whether a quote begins a string there. Within a value that is no string, toml++ looks ahead to the end of the word, and a
-// quote in it is a character like any other.
+// Whether a quote begins a string there. Within a value that is no string, toml++ looks ahead to the end of the word,
+// and a quote in it is a character like any other.
 class position {
 public:
     bool string_begins() const noexcept { return keys() || !within_word_; }
