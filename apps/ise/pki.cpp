@@ -18,6 +18,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <ctime>
 #include <memory>
 #include <string_view>
@@ -119,8 +120,11 @@ const EVP_MD* digest_for(EVP_PKEY* key) {
     return EVP_PKEY_is_a(key, "ED25519") || EVP_PKEY_is_a(key, "ED448") ? nullptr : EVP_sha256();
 }
 
+// A time_t of 32 bits ends in 2038, so times are not put together as one.
 time_ptr time_at(moment at) {
-    time_ptr made(ASN1_TIME_set(nullptr, static_cast<std::time_t>(at.time_since_epoch().count())));
+    auto day = std::chrono::floor<days>(at);
+    time_ptr made(ASN1_TIME_adj(nullptr, 0, static_cast<int>(day.time_since_epoch().count()),
+                                static_cast<long>((at - day).count())));
     must(made != nullptr, "write a time");
     return made;
 }
@@ -128,7 +132,9 @@ time_ptr time_at(moment at) {
 moment moment_of(const ASN1_TIME* at) {
     std::tm parts{};
     if (!at || ASN1_TIME_to_tm(at, &parts) != 1) fail("a time in it cannot be read");
-    return moment(std::chrono::seconds(::timegm(&parts)));
+    auto day = std::chrono::year(parts.tm_year + 1900) / (parts.tm_mon + 1) / parts.tm_mday;
+    return std::chrono::sys_days(day) + std::chrono::hours(parts.tm_hour) + std::chrono::minutes(parts.tm_min) +
+           std::chrono::seconds(parts.tm_sec);
 }
 
 std::string hex_of(const ASN1_INTEGER* number) {

@@ -98,6 +98,12 @@ def files(folder):
     (one,) = show(folder, "shore/certificate.pem")
     expect("show knows whose it is", (one["kind"], one["identity"], one["hosts"]) == ("certificate", "ise://robots/shore", ["localhost", "127.0.0.1", "0:0:0:0:0:0:0:1"]), one)
     expect("and that nothing is wrong", one["trouble"] == "", one)
+    keys(folder, "ca", "robots", "--authority", "lasting", "--days", "36500")
+    keys(folder, "request", "ise://robots/probe")
+    keys(folder, "issue", "probe", "--authority", "lasting", "--days", "20000")
+    (one,) = show(folder, "probe/certificate.pem")
+    told = openssl(folder, "x509", "-in", "probe/certificate.pem", "-noout", "-enddate", "-dateopt", "iso_8601")
+    expect("a certificate may last beyond 2038", one["trouble"] == "" and one["valid_until"][:10] in told and one["valid_until"] > "2080", f"{told}{one}")
     names = [each["kind"] for each in show(folder, "shore")]
     expect("a folder is all of its files", names == ["authority", "certificate", "request", "private key"], names)
 
