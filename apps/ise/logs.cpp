@@ -64,7 +64,7 @@ task<> logs(context& in, logs_options options) {
         if (!packet) throw problem(follow.cause());
         output_piece piece = *packet;
         if (piece.offset + piece.text.size() <= end) continue;
-        if (piece.offset < end) piece.text.erase(0, end - piece.offset);
+        if (piece.offset < end) piece.text.erase(0, static_cast<std::size_t>(end - piece.offset));
         else if (piece.offset > end)
             note(in.set, fmt::format("{} bytes were lost: it prints faster than they are read", piece.offset - end));
         end = packet->offset + packet->text.size();

@@ -69,7 +69,7 @@ task<> pub(context& in, pub_options options, std::vector<std::string> texts) {
     std::uint64_t sent = 0;
     for (auto at = in.self.now(); wanted == 0 || sent < wanted; at = saturating_add(at, period)) {
         co_await in.self.sleep_till(at);
-        out(packets[sent % packets.size()]);
+        out(packets[static_cast<std::size_t>(sent % packets.size())]);
         ++sent;
     }
     if (options.count) co_return;

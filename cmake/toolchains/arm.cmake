@@ -14,6 +14,7 @@ if(ISE_ARM STREQUAL "arm64")
 elseif(ISE_ARM STREQUAL "armhf")
   set(CMAKE_SYSTEM_PROCESSOR arm)
   set(ise_triplet arm-linux-gnueabihf)
+  set(CMAKE_CXX_FLAGS_INIT -Wno-psabi) # its notes matter only beside objects of g++ 6
 else()
   message(FATAL_ERROR "ISE_ARM is arm64 or armhf, not: ${ISE_ARM}")
 endif()

@@ -165,7 +165,7 @@ result<void> outgoing_calls::on_answers(const net::carried_frame& received) {
     if (!report) return report.error();
     if (received.header.id >= introduced_.size())
         return failure(errc::protocol_error, "the packets of a service came that was not introduced");
-    auto& service = *introduced_[received.header.id]; // stays where it is
+    auto& service = *introduced_[static_cast<std::size_t>(received.header.id)]; // stays where it is
     if (service.adapting || service.response)
         return failure(errc::protocol_error, fmt::format("the packets of '{}' came twice", service.name));
     if (report->fingerprints.size() != service.types->fingerprints.size())

@@ -90,7 +90,7 @@ std::size_t bounded_log::write(std::string_view text) {
             rotate();
             continue;
         }
-        auto most = std::min<std::uint64_t>(text.size() - done, max_bytes_ - size_);
+        auto most = static_cast<std::size_t>(std::min<std::uint64_t>(text.size() - done, max_bytes_ - size_));
         auto moved = ::write(to_.get(), text.data() + done, most);
         if (moved < 0 && errno == EINTR) continue;
         if (moved > 0) {

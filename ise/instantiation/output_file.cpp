@@ -38,7 +38,7 @@ output_file::range output_file::read(std::uint64_t from, std::size_t most) const
         made.text.clear();
         if (made.from < base)
             made.text = host_.read_part(older, older_size - (base - made.from),
-                                        std::min<std::uint64_t>(most, base - made.from));
+                                        static_cast<std::size_t>(std::min<std::uint64_t>(most, base - made.from)));
         auto at = made.from + made.text.size();
         if (at >= base && made.text.size() < most)
             made.text += host_.read_part(file_, at - base, most - made.text.size());

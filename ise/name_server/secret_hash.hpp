@@ -15,12 +15,12 @@ public:
     explicit secret_hash(const net::udp::secret& by) : secret_(by) {}
 
     // Not noexcept: libstdc++ then keeps what they give.
-    std::size_t operator()(std::string_view text) const { return net::udp::keyed_hash(secret_, as_bytes(text)); }
-    std::size_t operator()(std::uint64_t number) const {
-        return net::udp::keyed_hash(secret_, std::as_bytes(std::span(&number, 1)));
-    }
+    std::size_t operator()(std::string_view text) const { return hash(as_bytes(text)); }
+    std::size_t operator()(std::uint64_t number) const { return hash(std::as_bytes(std::span(&number, 1))); }
 
 private:
+    std::size_t hash(bytes_view of) const { return static_cast<std::size_t>(net::udp::keyed_hash(secret_, of)); }
+
     net::udp::secret secret_;
 };
 

@@ -84,7 +84,9 @@ private:
     std::uint64_t front_word() const noexcept {
         return detail::load_little<std::uint64_t>(content_.data() + begin_ + 8);
     }
-    std::size_t front_size() const noexcept { return front_word() & ~(object_mark | traced_mark); }
+    std::size_t front_size() const noexcept {
+        return static_cast<std::size_t>(front_word() & ~(object_mark | traced_mark));
+    }
     void make_room(std::size_t more);
 
     buffer content_;

@@ -14,11 +14,11 @@ using ise::task;
 
 namespace {
 
-task<> pump(std::unique_ptr<ise::stream> to, std::size_t total) {
+task<> pump(std::unique_ptr<ise::stream> to, std::uint64_t total) {
     ise::bytes block(10'007);
-    for (std::size_t sent = 0; sent < total;) {
+    for (std::uint64_t sent = 0; sent < total;) {
         for (std::size_t i = 0; i < block.size(); ++i) block[i] = static_cast<std::byte>((sent + i) % 251);
-        const auto count = std::min(block.size(), total - sent);
+        const auto count = static_cast<std::size_t>(std::min<std::uint64_t>(block.size(), total - sent));
         std::array pieces{asio::const_buffer(block.data(), count / 3),
                           asio::const_buffer(block.data() + count / 3, count - count / 3)};
         auto moved = to->try_write(pieces);

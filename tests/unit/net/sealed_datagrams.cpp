@@ -425,7 +425,7 @@ TEST_CASE("seal: of a sweep of flipped, repeated, foreign and moved datagrams no
     at.shake();
     others.shake();
     ise::net::udp::channel receiving(77, ise::wire::sealed::seal_bytes);
-    std::mt19937_64 random(20);
+    std::mt19937 random(20);
     std::vector<ise::bytes> passed; // the last ones, of which each was accepted once
     long flipped = 0, repeated = 0, foreign = 0, moved = 0, accepted = 0, good = 0;
     auto take = [&](const ise::bytes& datagram) {

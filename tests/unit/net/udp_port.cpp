@@ -61,7 +61,7 @@ TEST_CASE("channels that were left and whose peers hear nothing are few, and gon
         const asio::const_buffer no(words.data(), words.size());
         CHECK(opened->write({&no, 1}).bytes == words.size());
         opened->leave();
-        CHECK(at->associations() == std::min<std::size_t>(id, port::max_draining));
+        CHECK(at->associations() == std::min<std::uint64_t>(id, port::max_draining));
     }
     world.run_for(association::max_drain + std::chrono::milliseconds(1));
     CHECK(at->associations() == 0);

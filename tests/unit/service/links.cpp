@@ -89,7 +89,7 @@ TEST_CASE("links: whichever byte a link is cut at, a subscription resumes and it
 
 namespace {
 
-constexpr std::size_t slow = 2000; // bytes a second
+constexpr std::int64_t slow = 2000; // bytes a second
 
 // How old the packets are that arrive, whose latitude is the time at which they were published.
 struct ages {
@@ -138,7 +138,7 @@ TEST_CASE("links: over a link of 2 kB/s the latest is no older than the configur
     auto measuring = start(shore.on, measure(shore.on, shore.at("tcp://boat:7400"), seen));
     publish_the_time(all, boat, fixes, 120s);
     // And a piece that is being sent.
-    auto bound = ise::duration(static_cast<std::int64_t>((unsent + 512) * 1'000'000'000 / slow)) + 300ms;
+    auto bound = ise::duration(static_cast<std::int64_t>(unsent + 512) * 1'000'000'000 / slow) + 300ms;
     if (std::getenv("ISE_TEST_FIGURES"))
         std::cout << "2 kB/s, unsent_bytes " << unsent << ": " << seen->packets << " packets, the oldest "
                   << seconds(seen->worst) << " s, bound " << seconds(bound) << " s\n";
@@ -171,7 +171,7 @@ TEST_CASE("links: through a relay of 2 kB/s the latest is no older than all buff
     publish_the_time(all, boat, fixes, 120s);
     // Ours (and one write that was begun), the relay's two buffers and what it holds in its hand.
     auto bytes = options.unsent_bytes + 512 + 2 * buffer + 512;
-    auto bound = ise::duration(static_cast<std::int64_t>(bytes * 1'000'000'000 / slow)) + 10ms;
+    auto bound = ise::duration(static_cast<std::int64_t>(bytes) * 1'000'000'000 / slow) + 10ms;
     if (std::getenv("ISE_TEST_FIGURES"))
         std::cout << "relay of 2 kB/s: " << seen->packets << " packets, the oldest " << seconds(seen->worst)
                   << " s, bound " << seconds(bound) << " s\n";
