@@ -24,7 +24,7 @@ void lossless(pair& at) {
             FAIL("it was not refused");
         } catch (const ise::error& refused) {
             CHECK(refused.code() == errc::invalid_argument);
-            CHECK_THAT(refused.what(), Catch::Matchers::Contains("udp"));
+            CHECK_THAT(refused.what(), ise_test::Contains("udp"));
         }
         CHECK(out.subscribers() == 0);
         return;

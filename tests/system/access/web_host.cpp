@@ -21,7 +21,7 @@
 
 using namespace access_test;
 using namespace std::chrono_literals;
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 

@@ -9,8 +9,8 @@
 #include <test_folders.hpp>
 #include <thread>
 
-using Catch::Contains;
 using cli_test::port;
+using ise_test::Contains;
 using ise_test::run_program;
 using ise_test::start_options;
 using ise_test::terminal_program;
@@ -155,7 +155,7 @@ TEST_CASE("top shows rates between two looks") {
     port in;
     auto once = in.ise(patiently({"top", "--once", "--every", "100ms"}));
     CHECK(once.exit_code == 0);
-    CHECK_THAT(once.out, Catch::StartsWith("STATE") && Contains("PACKETS/S") && Contains("REFUSED") &&
+    CHECK_THAT(once.out, ise_test::StartsWith("STATE") && Contains("PACKETS/S") && Contains("REFUSED") &&
                              Contains("atirma/shore/xbee") && !Contains("\x1b"));
     auto json = in.ise(patiently({"top", "--once", "--every", "100ms", "--json", "atirma/boat"}));
     CHECK_THAT(json.out, Contains(R"("path":"atirma/boat","state":"ready")") && Contains(R"("packets_hz":)") &&
@@ -176,7 +176,7 @@ TEST_CASE("list fits on a terminal of 80 columns, with a name, a state and an en
     CHECK(list.wrapped() == 0);
     for (const auto& line : list.lines())
         CHECK_THAT(line,
-                   Contains("tcp://127.0.0.1:") || Contains("ENDPOINTS") || Contains("TAKEN") || Catch::Equals(""));
+                   Contains("tcp://127.0.0.1:") || Contains("ENDPOINTS") || Contains("TAKEN") || ise_test::Equals(""));
 }
 
 TEST_CASE("ping, bw and delay measure") {
@@ -225,20 +225,20 @@ TEST_CASE("tree, services and types tell what there is") {
     start(in, "atirma/horn", honk);
     auto tree = in.ise(patiently({"tree"}));
     CHECK(tree.exit_code == 0);
-    CHECK_THAT(tree.out, Catch::StartsWith("atirma/\n├─ boat  ready, ") && Contains("└─ shore/\n   └─ xbee  ready, ") &&
-                             Contains("lease renewed"));
+    CHECK_THAT(tree.out, ise_test::StartsWith("atirma/\n├─ boat  ready, ") &&
+                             Contains("└─ shore/\n   └─ xbee  ready, ") && Contains("lease renewed"));
     CHECK_THAT(in.ise(patiently({"tree", "--services", "atirma/boat"})).out,
                Contains("├─ answers   helm\n") && Contains("publishes position") && Contains("needs     beeper"));
     CHECK_THAT(
         in.ise(patiently({"tree", "--json"})).out,
-        Catch::StartsWith(
+        ise_test::StartsWith(
             R"([{"name":"atirma","path":"atirma","below":[{"name":"boat","path":"atirma/boat","state":"ready")"));
     auto services = in.ise(patiently({"services"}));
-    CHECK_THAT(services.out, Catch::StartsWith("SERVICE") && Contains("beeper") && Contains("atirma/horn") &&
+    CHECK_THAT(services.out, ise_test::StartsWith("SERVICE") && Contains("beeper") && Contains("atirma/horn") &&
                                  Contains("helm") && !Contains("ise.describe"));
     CHECK_THAT(
         in.ise(patiently({"services", "--json", "atirma/horn"})).out,
-        Catch::StartsWith(
+        ise_test::StartsWith(
             R"([{"name":"beeper","kind":"request-response","providers":["atirma/horn"],"requirers":["atirma/boat","atirma/shore/xbee"],"missing":false}])"));
     CHECK_THAT(in.ise(patiently({"types"})).out, Contains("set_mode") && Contains("atirma/boat helm (request)"));
     auto shown = in.ise(patiently({"type", "show", "atirma/boat", "helm"}));
@@ -251,7 +251,7 @@ TEST_CASE("tree, services and types tell what there is") {
     CHECK(other.exit_code == 4);
     CHECK_THAT(other.out, Contains("request: does not fit\n    "));
     CHECK_THAT(in.ise(patiently({"type", "diff", "--json", "atirma/boat", "helm", "atirma/horn", "beeper"})).out,
-               Catch::StartsWith(R"({"compatible":false,)"));
+               ise_test::StartsWith(R"({"compatible":false,)"));
     auto none = in.ise(patiently({"type", "show", "atirma/boat", "helmet"}));
     CHECK(none.exit_code == 3);
     CHECK_THAT(none.err, Contains("did you mean 'helm'?"));

@@ -5,8 +5,8 @@
 #include <support/program.hpp>
 #include <test_folders.hpp>
 
-using Catch::Contains;
 using cli_test::port;
+using ise_test::Contains;
 using ise_test::run_program;
 using ise_test::start_options;
 

@@ -13,9 +13,9 @@
 
 namespace radio_keys_test {
 
-using Catch::Contains;
 using cli_test::folder;
 using cli_test::text_of;
+using ise_test::Contains;
 
 unsigned mode_of(const std::string& file) {
     struct stat found {};

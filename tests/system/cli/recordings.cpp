@@ -18,9 +18,9 @@
 namespace recordings_test {
 namespace {
 
-using Catch::Contains;
 using cli_test::folder;
 using cli_test::port;
+using ise_test::Contains;
 using nlohmann::json;
 
 ise_test::ran bag(std::vector<std::string> words) {

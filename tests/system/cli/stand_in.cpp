@@ -21,10 +21,10 @@
 #include <utility>
 #include <vector>
 
-using Catch::Contains;
 using cli_test::folder;
 using cli_test::harbour;
 using cli_test::port;
+using ise_test::Contains;
 using ise_test::program;
 using ise_test::run_program;
 

@@ -12,8 +12,8 @@
 #include <test_folders.hpp>
 #include <thread>
 
-using Catch::Contains;
 using cli_test::harbour;
+using ise_test::Contains;
 using ise_test::program;
 using ise_test::run_program;
 using ise_test::start_options;

@@ -6,8 +6,8 @@
 
 #include <csignal>
 
-using Catch::Contains;
 using cli_test::port;
+using ise_test::Contains;
 using ise_test::start_options;
 using ise_test::terminal_program;
 
@@ -45,7 +45,7 @@ TEST_CASE("top fills a terminal of 80 by 24, wraps nothing, and follows when it 
     REQUIRE(top.wait_until([&] { return screen_of(top).find("▁") != std::string::npos; }));
     INFO(screen_of(top));
     CHECK(top.wrapped() == 0);
-    CHECK_THAT(top.lines().at(3), Catch::StartsWith("COMPONENT") && Contains("RTT") && Contains("ACTIVITY"));
+    CHECK_THAT(top.lines().at(3), ise_test::StartsWith("COMPONENT") && Contains("RTT") && Contains("ACTIVITY"));
     CHECK_THAT(top.lines().at(2), Contains("1-19 of 32"));
     CHECK_THAT(top.lines().at(23), Contains("filter") && Contains("q quit"));
     CHECK_THAT(screen_of(top), !Contains("UNSENT") && Contains("number17"));
@@ -157,7 +157,7 @@ TEST_CASE("top without a terminal that it knows, with --once or --json prints wh
     CHECK(once.wrapped() == 0);
     terminal_program json(top_at(in, {"--once", "--json"}), 80, 24);
     CHECK(json.wait() == 0);
-    CHECK_THAT(json.raw(), Catch::StartsWith(R"({"asked_at":)"));
+    CHECK_THAT(json.raw(), ise_test::StartsWith(R"({"asked_at":)"));
 }
 
 TEST_CASE("top goes on when the name server has gone, and says so") {

@@ -53,9 +53,9 @@ TEST_CASE("wrong command lines end with 2, say why and print no answer") {
 TEST_CASE("a command that there is not is answered with the one that was meant") {
     auto slip = run_program({"ise", "--timeout", "2s", "cal", "atirma/boat", "helm"});
     CHECK(slip.exit_code == 2);
-    CHECK_THAT(slip.err, Catch::StartsWith("ise: no command 'cal', did you mean 'call'?"));
+    CHECK_THAT(slip.err, ise_test::StartsWith("ise: no command 'cal', did you mean 'call'?"));
     CHECK_THAT(run_program({"ise", "photosynthesis"}).err,
-               Catch::Contains("no command 'photosynthesis'") && Catch::Contains("ise --help"));
+               ise_test::Contains("no command 'photosynthesis'") && ise_test::Contains("ise --help"));
 }
 
 TEST_CASE("a wrong command line is answered with what is wrong and how the command is used") {
@@ -65,21 +65,22 @@ TEST_CASE("a wrong command line is answered with what is wrong and how the comma
         CHECK(ran.exit_code == 2);
         return ran.err;
     };
-    CHECK_THAT(said({}), Catch::StartsWith("ise: a command is missing\n") && Catch::Contains("ise --help"));
+    CHECK_THAT(said({}), ise_test::StartsWith("ise: a command is missing\n") && ise_test::Contains("ise --help"));
     CHECK_THAT(said({"list", "--tmeout", "3s"}),
-               Catch::StartsWith("ise: 'ise list' has no option '--tmeout', did you mean '--timeout'?\n") &&
-                   Catch::Contains("usage: ise list [OPTIONS] [PREFIX]"));
-    CHECK_THAT(said({"list", "x", "y"}), Catch::StartsWith("ise: 'y' is one argument too many\n"));
-    CHECK_THAT(said({"call", "atirma/boat"}), Catch::StartsWith("ise: SERVICE is required\n") &&
-                                                  Catch::Contains("usage: ise call [OPTIONS] NAME SERVICE [JSON]\n"));
+               ise_test::StartsWith("ise: 'ise list' has no option '--tmeout', did you mean '--timeout'?\n") &&
+                   ise_test::Contains("usage: ise list [OPTIONS] [PREFIX]"));
+    CHECK_THAT(said({"list", "x", "y"}), ise_test::StartsWith("ise: 'y' is one argument too many\n"));
+    CHECK_THAT(said({"call", "atirma/boat"}),
+               ise_test::StartsWith("ise: SERVICE is required\n") &&
+                   ise_test::Contains("usage: ise call [OPTIONS] NAME SERVICE [JSON]\n"));
     CHECK_THAT(said({"echo", "a", "b", "--count", "many"}),
-               Catch::Contains("--count: 'many' is not a whole number from 1 on\n"));
-    CHECK_THAT(said({"param", "frob", "a"}), Catch::Contains("'frob' is none of get, list, set"));
+               ise_test::Contains("--count: 'many' is not a whole number from 1 on\n"));
+    CHECK_THAT(said({"param", "frob", "a"}), ise_test::Contains("'frob' is none of get, list, set"));
 }
 
 TEST_CASE("a shell that there is no completion for is answered with those that there are") {
     CHECK_THAT(run_program({"ise", "completion", "tcsh"}).err,
-               Catch::StartsWith("ise: SHELL: 'tcsh' is none of bash, zsh, fish"));
+               ise_test::StartsWith("ise: SHELL: 'tcsh' is none of bash, zsh, fish"));
 }
 
 TEST_CASE("what is no name of a component is refused before anybody is asked") {
@@ -92,10 +93,10 @@ TEST_CASE("what is no name of a component is refused before anybody is asked") {
              {"ise", "describe", wrong}, {"ise", "ping", wrong}, {"ise", "list", wrong}, {"ise", "graph", wrong}}) {
         auto ran = run_program(words, options);
         CHECK(ran.exit_code == 2);
-        CHECK_THAT(ran.err, Catch::Contains("is not a name of a component"));
+        CHECK_THAT(ran.err, ise_test::Contains("is not a name of a component"));
     }
     CHECK_THAT(run_program({"ise", "describe", "tcp:/x"}, options).err,
-               Catch::Contains("an endpoint is written tcp://"));
+               ise_test::Contains("an endpoint is written tcp://"));
 }
 
 TEST_CASE("a name server variable that is no endpoint is named") {
@@ -103,18 +104,18 @@ TEST_CASE("a name server variable that is no endpoint is named") {
     options.variables = {{"ISE_NAME_SERVER", "here"}};
     auto ran = run_program({"ise", "list"}, options);
     CHECK(ran.exit_code == 2);
-    CHECK_THAT(ran.err, Catch::Contains("ISE_NAME_SERVER") && Catch::Contains("'here' is not an endpoint"));
+    CHECK_THAT(ran.err, ise_test::Contains("ISE_NAME_SERVER") && ise_test::Contains("'here' is not an endpoint"));
 }
 
 TEST_CASE("help and version are answers") {
     auto help = run_program({"ise", "--help"});
     CHECK(help.exit_code == 0);
     CHECK(help.err.empty());
-    CHECK_THAT(help.out,
-               Catch::Contains("Exit codes:") && Catch::Contains("describe") && Catch::Contains("--name-server"));
+    CHECK_THAT(help.out, ise_test::Contains("Exit codes:") && ise_test::Contains("describe") &&
+                             ise_test::Contains("--name-server"));
     auto call = run_program({"ise", "call", "--help"});
     CHECK(call.exit_code == 0);
-    CHECK_THAT(call.out, Catch::Contains("SERVICE") && Catch::Contains("standard input"));
+    CHECK_THAT(call.out, ise_test::Contains("SERVICE") && ise_test::Contains("standard input"));
     auto version = run_program({"ise", "version"});
     CHECK(version.exit_code == 0);
     CHECK(version.out.starts_with("ise "));
@@ -125,8 +126,8 @@ TEST_CASE("commands are grouped, and the help of each has examples and the optio
     auto all = run_program({"ise", "--help"});
     for (const char* group : {"See what there is:", "Talk to a component:", "Measure and find faults:",
                               "Start and stop components:", "Whole systems, from a deployment file:"})
-        CHECK_THAT(all.out, Catch::Contains(group));
-    CHECK_THAT(all.out, !Catch::Contains("Subcommands"));
+        CHECK_THAT(all.out, ise_test::Contains(group));
+    CHECK_THAT(all.out, !ise_test::Contains("Subcommands"));
     std::vector<std::string> commands;
     std::istringstream lines(all.out);
     for (std::string line; std::getline(lines, line);) {
@@ -141,10 +142,10 @@ TEST_CASE("commands are grouped, and the help of each has examples and the optio
         auto help = run_program({"ise", command, "--help"});
         INFO(help.out << help.err);
         CHECK(help.exit_code == 0);
-        CHECK_THAT(help.out, Catch::Contains("Examples:\n  ") && Catch::Contains("ise " + command) &&
-                                 Catch::Contains("Options of every command:") &&
-                                 Catch::Contains("--name-server ENDPOINT") && Catch::Contains("--json") &&
-                                 Catch::Contains("Exit codes: ise --help"));
+        CHECK_THAT(help.out, ise_test::Contains("Examples:\n  ") && ise_test::Contains("ise " + command) &&
+                                 ise_test::Contains("Options of every command:") &&
+                                 ise_test::Contains("--name-server ENDPOINT") && ise_test::Contains("--json") &&
+                                 ise_test::Contains("Exit codes: ise --help"));
         std::istringstream text(help.out);
         for (std::string line; std::getline(text, line);) {
             INFO(line);
@@ -160,12 +161,13 @@ TEST_CASE("every program says its name and what is missing on its command line")
         return ran.err;
     };
     CHECK_THAT(said({"ise_instantiation_server", "--name", "boat"}),
-               Catch::StartsWith("ise_instantiation_server: --programs is required\n"));
-    CHECK_THAT(said({"ise_name_server", "--lease"}), Catch::StartsWith("ise_name_server: --lease"));
-    CHECK_THAT(said({"atirma"}), Catch::StartsWith("atirma: one of these is required: ") && Catch::Contains(" run "));
-    CHECK_THAT(said({"atirma", "run"}), Catch::StartsWith("atirma: one of these is required: boat-simulator "));
+               ise_test::StartsWith("ise_instantiation_server: --programs is required\n"));
+    CHECK_THAT(said({"ise_name_server", "--lease"}), ise_test::StartsWith("ise_name_server: --lease"));
+    CHECK_THAT(said({"atirma"}),
+               ise_test::StartsWith("atirma: one of these is required: ") && ise_test::Contains(" run "));
+    CHECK_THAT(said({"atirma", "run"}), ise_test::StartsWith("atirma: one of these is required: boat-simulator "));
     CHECK_THAT(said({"atirma", "replay", "voyage.mcap"}),
-               Catch::StartsWith("atirma: one of these is required: ") && Catch::Contains("communication-node"));
+               ise_test::StartsWith("atirma: one of these is required: ") && ise_test::Contains("communication-node"));
 }
 
 TEST_CASE("a folder in the place of a file is said to be one") {
@@ -174,7 +176,7 @@ TEST_CASE("a folder in the place of a file is said to be one") {
          {std::vector<std::string>{"ise", "trace", in.path.string()}, {"ise", "validate", in.path.string()}}) {
         auto ran = run_program(words);
         CHECK(ran.exit_code == 2);
-        CHECK_THAT(ran.err, Catch::Contains("cannot read " + in.path.string() + ": it is a folder"));
+        CHECK_THAT(ran.err, ise_test::Contains("cannot read " + in.path.string() + ": it is a folder"));
     }
 }
 
@@ -187,19 +189,19 @@ TEST_CASE("where no name server runs the command says how to start one") {
     auto ran = run_program(command, options);
     CHECK(ran.exit_code == 3);
     CHECK(ran.out.empty());
-    CHECK_THAT(ran.err, Catch::Contains("no name server at local://@ise-test-nobody-listens-here") &&
-                            Catch::Contains("ise_name_server"));
+    CHECK_THAT(ran.err, ise_test::Contains("no name server at local://@ise-test-nobody-listens-here") &&
+                            ise_test::Contains("ise_name_server"));
 }
 
 TEST_CASE("an endpoint where nobody listens is not reached") {
     auto ran = run_program({"ise", "describe", "local://@ise-test-nobody-listens-here"});
     CHECK(ran.exit_code == 3);
-    CHECK_THAT(ran.err,
-               Catch::Contains("local://@ise-test-nobody-listens-here is not reached") && Catch::Contains("--wait"));
+    CHECK_THAT(ran.err, ise_test::Contains("local://@ise-test-nobody-listens-here is not reached") &&
+                            ise_test::Contains("--wait"));
     auto waited =
         run_program({"ise", "--wait", "--timeout", "300ms", "describe", "local://@ise-test-nobody-listens-here"});
     CHECK(waited.exit_code == 3);
-    CHECK_THAT(waited.err, Catch::Contains("in time"));
+    CHECK_THAT(waited.err, ise_test::Contains("in time"));
 }
 
 TEST_CASE("with --json an error is one line for a program") {
@@ -218,7 +220,7 @@ TEST_CASE("an answer that cannot be written is an error of its own") {
     closed.closed_output = true;
     auto ran = run_program({"ise", "version"}, closed);
     CHECK(ran.exit_code == 5);
-    CHECK_THAT(ran.err, Catch::Contains("standard output cannot be written"));
+    CHECK_THAT(ran.err, ise_test::Contains("standard output cannot be written"));
     start_options full;
     full.output_file = "/dev/full";
     CHECK(run_program({"ise", "version"}, full).exit_code == 5);
@@ -231,7 +233,7 @@ TEST_CASE("the completion scripts are good in their shells and know every comman
     REQUIRE(script.exit_code == 0);
     for (const char* word : {"list", "describe", "call", "echo", "hz", "doctor", "graph", "top", "ping", "bw", "delay",
                              "tree", "services", "types", "completion", "version", "name-server", "lossless"})
-        CHECK_THAT(script.out, Catch::Contains(word));
+        CHECK_THAT(script.out, ise_test::Contains(word));
     // A shell that is not installed checks nothing: bash always is.
     auto found = run_program({"/bin/sh", "-c", "command -v " + shell});
     if (found.exit_code != 0) {

@@ -3,7 +3,7 @@
 #include <support/catch.hpp>
 
 using namespace communication_test;
-using Catch::Contains;
+using ise_test::Contains;
 using enum authority_action;
 
 namespace {

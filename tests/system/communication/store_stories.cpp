@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 using namespace communication_test;
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 

@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 
 using namespace communication_test;
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 

@@ -13,10 +13,10 @@
 #include <test_folders.hpp>
 
 using namespace deployment_test;
-using Catch::Contains;
 using host_test::lives;
 using host_test::marked;
 using host_test::wait_until;
+using ise_test::Contains;
 
 namespace {
 

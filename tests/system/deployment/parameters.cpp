@@ -3,7 +3,7 @@
 #include <test_folders.hpp>
 
 using namespace deployment_test;
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 

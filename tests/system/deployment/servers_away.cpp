@@ -7,9 +7,9 @@
 #include <csignal>
 
 using namespace deployment_test;
-using Catch::Contains;
 using host_test::marked;
 using host_test::wait_until;
+using ise_test::Contains;
 
 namespace {
 

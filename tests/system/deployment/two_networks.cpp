@@ -7,8 +7,8 @@
 #include <test_folders.hpp>
 
 using namespace deployment_test;
-using Catch::Contains;
 using host_test::marked;
+using ise_test::Contains;
 
 namespace {
 

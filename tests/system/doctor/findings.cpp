@@ -15,7 +15,7 @@
 
 #include <unistd.h>
 
-using Catch::Contains;
+using ise_test::Contains;
 using ise_test::program;
 using nlohmann::json;
 

@@ -13,7 +13,7 @@
 namespace host_test {
 
 using namespace std::chrono_literals;
-using Catch::Matchers::Contains;
+using ise_test::Contains;
 
 inline std::vector<std::string> vessel_at(const std::string& endpoint, const std::string& names = "-") {
     return {"host_vessel", names, endpoint};

@@ -5,7 +5,7 @@
 #include <unistd.h>
 
 using namespace host_test;
-using Catch::Contains;
+using ise_test::Contains;
 
 TEST_CASE("what an instantiation server had started goes on when it is killed, and is taken over by the next") {
     host here;
@@ -34,7 +34,7 @@ TEST_CASE("the doctor finds an instantiation server that was killed, until it is
         for (const auto& one : parsed["findings"])
             if (one["kind"] == "server_lost") {
                 CHECK(ran.exit_code == 1);
-                CHECK_THAT(one["component"].get<std::string>(), Catch::StartsWith("ise/host/"));
+                CHECK_THAT(one["component"].get<std::string>(), ise_test::StartsWith("ise/host/"));
                 CHECK_THAT(one["message"].get<std::string>(),
                            Contains("was lost") && Contains("without being stopped (process "));
                 CHECK_THAT(one["advice"].get<std::string>(), Contains("start it again with the same --state"));
@@ -80,7 +80,7 @@ TEST_CASE("what ended while no instantiation server ran follows its policy, and 
     auto shown = here.state("sea/never");
     CHECK(shown["state"] == "failed");
     CHECK_THAT(shown["reason"].get<std::string>(),
-               Catch::StartsWith("it ended while no instantiation server ran: signal 9 (Killed)"));
+               ise_test::StartsWith("it ended while no instantiation server ran: signal 9 (Killed)"));
     CHECK(marked().size() == 3); // those of the new life
 }
 
@@ -104,7 +104,7 @@ TEST_CASE("how a component ended that was taken over is known") {
     };
     CHECK(what("sea/well") == "stopped: exit code 0");
     CHECK(what("sea/badly") == "failed: exit code 1");
-    CHECK_THAT(what("sea/killed"), Catch::StartsWith("failed: signal 9 (Killed)"));
+    CHECK_THAT(what("sea/killed"), ise_test::StartsWith("failed: signal 9 (Killed)"));
     CHECK(what("sea/shared") == "stopped: its process 'main' ended: exit code 0");
 }
 

@@ -6,7 +6,7 @@
 #include <fstream>
 
 using namespace host_test;
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 
@@ -44,7 +44,7 @@ TEST_CASE(
     for (const char* path : {"sea/one", "sea/two"}) {
         auto at = endpoints_of(here, path);
         REQUIRE(at.size() == 1);
-        CHECK_THAT(at.front(), Catch::StartsWith("tls://127.0.0.1:"));
+        CHECK_THAT(at.front(), ise_test::StartsWith("tls://127.0.0.1:"));
         CHECK(here.ise({"call", path, "ask"}).exit_code == 3); // who has no certificate
     }
     CHECK(here.json_of({"--tls", mine, "call", "sea/one", "ask"})["answer"] == 2);
@@ -80,7 +80,7 @@ TEST_CASE("a component of a deployment file listens on tls where its host has ce
     here.open({"--tls", mine});
     CHECK(here.ise({"up", file}).exit_code == 0);
     REQUIRE(endpoints_of(here, "sea/one").size() == 1);
-    CHECK_THAT(endpoints_of(here, "sea/one").front(), Catch::StartsWith("tls://"));
+    CHECK_THAT(endpoints_of(here, "sea/one").front(), ise_test::StartsWith("tls://"));
     CHECK(here.ise({"up", file}).exit_code == 0); // nothing is to be done
     CHECK(here.ise({"down", file}).exit_code == 0);
     CHECK(marked().empty());

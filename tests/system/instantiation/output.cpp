@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 using namespace host_test;
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 
@@ -125,5 +125,6 @@ TEST_CASE("the log has the last words before a crash, and how each life ended") 
     CHECK_THAT(log, Contains("last words\n") &&
                         Contains("\n--- life 1: ended by signal 6 (Aborted)\n--- life 2: started again after "));
     here.json_of({"stop", "sea/one"});
-    CHECK_THAT(here.ise({"logs", "sea/one", "-n", "1"}).out, Catch::StartsWith("--- life 2: ended with exit code 0"));
+    CHECK_THAT(here.ise({"logs", "sea/one", "-n", "1"}).out,
+               ise_test::StartsWith("--- life 2: ended with exit code 0"));
 }

@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 using namespace host_test;
-using Catch::Contains;
+using ise_test::Contains;
 namespace fs = std::filesystem;
 
 namespace {

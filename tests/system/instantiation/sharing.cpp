@@ -4,7 +4,7 @@
 #include <signal.h>
 
 using namespace host_test;
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 

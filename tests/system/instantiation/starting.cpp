@@ -11,7 +11,7 @@
 #include <unistd.h>
 
 using namespace host_test;
-using Catch::Contains;
+using ise_test::Contains;
 
 TEST_CASE("a component is started and found and called and stopped") {
     host here;

@@ -4,7 +4,7 @@
 #include <unistd.h>
 
 using namespace host_test;
-using Catch::Contains;
+using ise_test::Contains;
 using state = ise::instantiation::instance_state;
 
 TEST_CASE("a component that was killed is started again, by its policy") {

@@ -523,7 +523,7 @@ TEST_CASE("iridium: a proxy whose file is no database sets it aside, says so, an
     CHECK((*answer)->status == 200);
     auto aside = disk.set_aside();
     REQUIRE(aside.size() == 1);
-    CHECK_THAT(it.log.errors, Catch::Contains(aside.front()));
+    CHECK_THAT(it.log.errors, ise_test::Contains(aside.front()));
     auto kept = ise::database::open_to_read(disk.file()).value().query("SELECT count(*) FROM mo").value();
     CHECK(kept.at(0).integer(0) == 1);
 }
@@ -551,7 +551,7 @@ TEST_CASE("iridium: a proxy whose file has a damaged page keeps all that can sti
     post(it, delivery(it, 1), answer);
     CHECK(it.world.run_until([&] { return answer && *answer && (*answer)->status == 200; }, 30s));
     REQUIRE(disk.set_aside().size() == 1);
-    CHECK_THAT(it.log.errors, Catch::Contains(disk.set_aside().front()));
+    CHECK_THAT(it.log.errors, ise_test::Contains(disk.set_aside().front()));
     // What was spent.
     CHECK(it.world.run_until([&] { return seen.account && seen.account->ever.mo_messages > 100; }, 2min));
     auto db = ise::database::open_to_read(disk.file()).value();

@@ -10,7 +10,7 @@
 #include <memory>
 #include <unistd.h>
 
-using Catch::Contains;
+using ise_test::Contains;
 using ise_test::program;
 using ise_test::ran;
 using ise_test::run_program;

@@ -6,7 +6,7 @@
 #include <regex>
 #include <set>
 
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 

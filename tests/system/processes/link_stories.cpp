@@ -13,7 +13,7 @@
 #include <optional>
 #include <regex>
 
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 

@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 

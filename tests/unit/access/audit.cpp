@@ -14,7 +14,7 @@ namespace audit_test {
 
 using namespace ise::access;
 using namespace std::chrono_literals;
-using Catch::Matchers::Contains;
+using ise_test::Contains;
 
 namespace {
 

@@ -6,8 +6,8 @@
 
 namespace patterns_test {
 
-using Catch::Matchers::Contains;
 using ise::access::pattern;
+using ise_test::Contains;
 
 namespace {
 

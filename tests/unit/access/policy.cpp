@@ -11,7 +11,7 @@
 namespace policy_test {
 
 using namespace ise::access;
-using Catch::Matchers::Contains;
+using ise_test::Contains;
 
 namespace {
 

@@ -23,8 +23,8 @@ namespace access_sessions_test {
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
-using Catch::Matchers::Contains;
 using ise::errc;
+using ise_test::Contains;
 
 namespace {
 

@@ -408,7 +408,7 @@ TEST_CASE("recorded calls are made to a component under test, and the first othe
         auto first = play->first_difference();
         CHECK(first.has_value() == !right);
         if (first)
-            CHECK_THAT(first->text(), Catch::Matchers::Contains(
-                                          "atirma/boat: call 0 of 'twice', field value: 42 in the recording, 63 now"));
+            CHECK_THAT(first->text(),
+                       ise_test::Contains("atirma/boat: call 0 of 'twice', field value: 42 in the recording, 63 now"));
     }
 }

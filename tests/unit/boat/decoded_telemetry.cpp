@@ -9,7 +9,7 @@
 namespace decoded_telemetry_test {
 
 using namespace atirma;
-using Catch::Matchers::Contains;
+using ise_test::Contains;
 
 namespace {
 

@@ -181,7 +181,7 @@ TEST_CASE("refusals say what is wrong") {
     raw[1] = std::byte{0x3F};
     CHECK(parse_telemetry(resealed(raw)).error().message() == "no telemetry packet has type 3F");
     raw[0] = std::byte{9};
-    CHECK_THAT(parse_telemetry(resealed(raw)).error().message(), Catch::Contains("version 9"));
+    CHECK_THAT(parse_telemetry(resealed(raw)).error().message(), ise_test::Contains("version 9"));
 }
 
 TEST_CASE("values that the layout cannot hold are clamped, wrapped or zero") {
@@ -341,9 +341,9 @@ TEST_CASE("an argument out of its range is refused with its name and range") {
     CHECK(refusal(commands::set_telemetry_period{link_id::gprs, -1}) ==
           "period_s is 0 (off) or 0.5 to 86400 s, not -1");
     CHECK(check(commands::set_telemetry_period{link_id::gprs, 0}));
-    CHECK_THAT(refusal(commands::set_telemetry_period{link_id::gprs, std::nanf("")}), Catch::Contains("not nan"));
+    CHECK_THAT(refusal(commands::set_telemetry_period{link_id::gprs, std::nanf("")}), ise_test::Contains("not nan"));
     CHECK_THAT(refusal(commands::waypoint_add{{91, 0}}),
-               Catch::Contains("point is") && Catch::Contains("91, 0 is not a place on the globe"));
+               ise_test::Contains("point is") && ise_test::Contains("91, 0 is not a place on the globe"));
     CHECK(refusal(boat_command(static_cast<command_kind>(200))) == "no telecommand has number 200");
 }
 
@@ -423,7 +423,7 @@ TEST_CASE("names and enumerators lead to each other") {
 TEST_CASE("a parameter out of range is refused with its range") {
     CHECK(check_parameter(parameter_id::forbidden_angle_upwind, 45));
     CHECK_THAT(check_parameter(parameter_id::forbidden_angle_upwind, 5).error().message(),
-               Catch::Contains("30 to 85 deg"));
+               ise_test::Contains("30 to 85 deg"));
     CHECK_FALSE(check_parameter(parameter_id::leeway_compensation, std::nanf("")));
     CHECK_FALSE(check_parameter(static_cast<parameter_id>(77), 1));
 }

@@ -182,7 +182,7 @@ TEST_CASE("a telecommand reads naturally as JSON") {
         R"({"command":{"kind":"waypoint_add","point":{"latitude_deg":28.15,"longitude_deg":-15.45}}})");
     CHECK(add.command == boat_command(commands::waypoint_add{{28.15, -15.45}}));
     CHECK_THROWS_WITH(ise::from_json<telecommand_request>(R"({"command":{"kind":"set_mode","mode":"fly"}})"),
-                      Catch::Contains("command.mode"));
+                      ise_test::Contains("command.mode"));
 }
 
 TEST_CASE("duplicates are told by boot and sequence, in any order, within a bounded window") {
@@ -315,8 +315,8 @@ TEST_CASE("telecommand tracker: what a link has in its hand when the validity en
     REQUIRE(it.due()->id == 1);
     it.pass(10s);
     it.book.on_time(it.at());
-    CHECK_THAT(it.book.find(1)->text, Catch::Contains("may have been executed"));
-    CHECK_THAT(it.book.find(2)->text, Catch::Contains("before it could be sent"));
+    CHECK_THAT(it.book.find(1)->text, ise_test::Contains("may have been executed"));
+    CHECK_THAT(it.book.find(2)->text, ise_test::Contains("before it could be sent"));
 }
 
 TEST_CASE("telecommand tracker: the default validity is by kind and link, and the earlier of two ends counts") {
@@ -342,7 +342,7 @@ TEST_CASE("telecommand tracker: the default validity is by kind and link, and th
     request.valid_until = it.wall - 1s;
     auto refused = it.book.submit(it.at(), request, 77);
     REQUIRE_FALSE(refused);
-    CHECK_THAT(refused.error().message(), Catch::Contains("its validity ended at"));
+    CHECK_THAT(refused.error().message(), ise_test::Contains("its validity ended at"));
     CHECK(it.book.open_count() == 0);
 }
 

@@ -332,7 +332,7 @@ TEST_CASE("parameters are set, read and refused with their range") {
     auto no = tell(3, commands::set_parameter{parameter_id::forbidden_angle_upwind, 5});
     CHECK(no.code == ack_code::bad_argument);
     CHECK(no.value == 50);
-    CHECK_THAT(no.text, Catch::Contains("30 to 85"));
+    CHECK_THAT(no.text, ise_test::Contains("30 to 85"));
     tell(4, commands::set_parameter{parameter_id::telemetry_period, 10});
     CHECK(boat.configuration_now().telemetry_period_s[0] == 10);
     CHECK(tell(5, commands::set_telemetry_period{link_id::gprs, 5}).code == ack_code::done);

@@ -13,7 +13,7 @@ namespace damaged_memory_test {
 
 using namespace atirma;
 using namespace std::chrono_literals;
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 

@@ -81,10 +81,10 @@ TEST_CASE("validity: a boat whose clock no GPS sets obeys times by its own clock
     simulated_boat boat(at_anchor(-4min), constant_wind({6, 40}));
     boat.advance(10s);
     auto in_utc = hold(1, begin, 1min);
-    CHECK_THAT(answer(boat, in_utc).text, Catch::Contains("not set by GPS"));
+    CHECK_THAT(answer(boat, in_utc).text, ise_test::Contains("not set by GPS"));
     auto by_its_own = hold(2, begin - 4min, 1min);
     by_its_own.clock_of = 7;
-    CHECK_THAT(answer(boat, by_its_own).text, Catch::Contains("boot 7, this is boot 1"));
+    CHECK_THAT(answer(boat, by_its_own).text, ise_test::Contains("boot 7, this is boot 1"));
     by_its_own.clock_of = 1;
     CHECK(answer(boat, by_its_own).code == ack_code::done);
     by_its_own.id = 3;

@@ -16,8 +16,8 @@ namespace call_cycles_test {
 
 using namespace std::chrono_literals;
 using namespace ise::cli;
-using Catch::Contains;
 using ise::task;
+using ise_test::Contains;
 
 namespace {
 

@@ -9,8 +9,8 @@
 namespace learning_test {
 
 using namespace ise::cli;
-using Catch::Contains;
 using ise::access::action;
+using ise_test::Contains;
 
 namespace {
 

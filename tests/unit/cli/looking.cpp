@@ -19,7 +19,7 @@ namespace looking_test {
 
 using namespace ise::cli;
 using namespace std::chrono_literals;
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 

@@ -19,7 +19,7 @@
 namespace patterns_test {
 
 using namespace ise::cli;
-using Catch::Matchers::Contains;
+using ise_test::Contains;
 
 TEST_CASE("cli: patterns match parts of paths") {
     CHECK(is_pattern("atirma/*"));

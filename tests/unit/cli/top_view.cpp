@@ -17,7 +17,7 @@ namespace top_view_test {
 
 using namespace ise::cli;
 using namespace std::chrono_literals;
-using Catch::Contains;
+using ise_test::Contains;
 using kind = key_press::kind;
 
 namespace {

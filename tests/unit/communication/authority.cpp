@@ -5,7 +5,7 @@
 namespace authority_test {
 
 using namespace atirma;
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 

@@ -7,7 +7,7 @@ namespace command_desk_test {
 
 using namespace atirma;
 using namespace std::chrono_literals;
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 
@@ -332,7 +332,7 @@ TEST_CASE("router: what no link has yet is called back at once, and what links h
     CHECK_FALSE(is_final(it.status(3).state));
     it.desk.on_status(it.wall, xbee, it.says(3, telecommand_stage::expired, "it may have arrived"));
     CHECK(it.status(3).state == telecommand_stage::expired);
-    CHECK_THAT(it.status(3).text, Catch::Contains("it may have been executed"));
+    CHECK_THAT(it.status(3).text, ise_test::Contains("it may have been executed"));
     it.begin(table::request(4));
     REQUIRE(it.give());
     it.desk.call_back(it.wall, 4, "by ana");
@@ -348,7 +348,7 @@ TEST_CASE("router: a telecommand whose time was over before it came is refused w
     late.valid_until = it.wall - 5min;
     auto refused = it.desk.prepare(it.now, it.wall, late, 77, "ana", 4, "node");
     REQUIRE_FALSE(refused);
-    CHECK_THAT(refused.error().message(), Catch::Contains("is the clock there right?"));
+    CHECK_THAT(refused.error().message(), ise_test::Contains("is the clock there right?"));
     auto usual = table::request(2);
     usual.valid_s.reset();
     CHECK(it.desk.prepare(it.now, it.wall, usual, 77, "ana", 4, "node", iridium)->valid_until == it.wall + 900s);

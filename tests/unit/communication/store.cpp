@@ -6,7 +6,7 @@
 namespace store_test {
 
 using namespace store_test;
-using Catch::Contains;
+using ise_test::Contains;
 
 TEST_CASE("node store: a packet is kept once, whichever links brought it, and is there after a restart") {
     folder there;

@@ -9,7 +9,7 @@
 namespace store_damage_test {
 
 using namespace store_test;
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 

@@ -49,7 +49,7 @@ TEST_CASE("a handler knows its service, its caller and its deadline, coroutine o
         auto boat = self.at(fleet::at("boat"));
         question asked{"ahoy"};
         auto answer = co_await boat.call(echo, asked, 5s);
-        CHECK_THAT(answer.text, Catch::Matchers::StartsWith("echo for ") && !Catch::Matchers::Contains("without"));
+        CHECK_THAT(answer.text, ise_test::StartsWith("echo for ") && !ise_test::Contains("without"));
     });
 }
 

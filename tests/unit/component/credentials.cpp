@@ -7,8 +7,8 @@
 namespace credentials_test {
 
 using namespace sea;
-using Catch::Matchers::Contains;
 using ise::errc;
+using ise_test::Contains;
 
 namespace {
 

@@ -64,7 +64,7 @@ TEST_CASE("transports: what is no endpoint is answered with an example of each s
         REQUIRE_FALSE(wrong);
         CHECK(wrong.error().code() == errc::invalid_argument);
         for (auto kind : all_transports())
-            CHECK_THAT(wrong.error().message(), Catch::Contains(std::string(kind->example)));
+            CHECK_THAT(wrong.error().message(), ise_test::Contains(std::string(kind->example)));
     }
     CHECK_FALSE(endpoint::parse("local:///" + std::string(200, 'x')));
     CHECK(endpoint::parse("pigeon://" + std::string(200, 'x')));

@@ -8,9 +8,9 @@
 namespace planning_test {
 
 using namespace deployment_test;
-using Catch::Contains;
 using ise::instantiation::instance_info;
 using ise::instantiation::instance_state;
+using ise_test::Contains;
 
 namespace {
 

@@ -12,8 +12,8 @@ namespace reading_test {
 
 using namespace deployment_test;
 using namespace std::chrono_literals;
-using Catch::Contains;
 using ise::instantiation::restart_policy;
+using ise_test::Contains;
 
 TEST_CASE("defaults hold for each component that does not say otherwise") {
     auto made = files(R"(

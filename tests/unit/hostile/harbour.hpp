@@ -10,9 +10,9 @@ namespace hostile_test {
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
-using Catch::Matchers::Contains;
 using ise::errc;
 using ise::wire::frame_type;
+using ise_test::Contains;
 
 /// Both ways to the boat, one after the other: the test case runs for each.
 inline std::string either() { return GENERATE(as<std::string>(), "tcp", "udp"); }

@@ -9,7 +9,7 @@
 namespace catalogue_test {
 
 using namespace ise::instantiation;
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 

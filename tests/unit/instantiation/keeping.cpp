@@ -13,7 +13,7 @@
 namespace keeping_test {
 
 using namespace ise::instantiation;
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 
@@ -107,7 +107,7 @@ TEST_CASE("a log never has more than its two files may have, and keeps the end")
     bounded_log next(file, 10'000);
     CHECK(next.begin_life("m") == "started again");
     next.mark_line("started again");
-    CHECK_THAT(kept_content(file), Catch::EndsWith("no end\n--- life 2: started again\n"));
+    CHECK_THAT(kept_content(file), ise_test::EndsWith("no end\n--- life 2: started again\n"));
 }
 
 TEST_CASE("limits are written to a control group as the kernel reads them") {

@@ -16,7 +16,7 @@
 
 namespace own_files_test {
 
-using Catch::Contains;
+using ise_test::Contains;
 using namespace ise::instantiation;
 namespace fs = std::filesystem;
 

@@ -12,7 +12,7 @@
 namespace own_user_test {
 
 using namespace ise::instantiation;
-using Catch::Matchers::Contains;
+using ise_test::Contains;
 
 namespace {
 

@@ -16,7 +16,7 @@ namespace probing_test {
 
 using namespace instantiation_test;
 using namespace std::chrono_literals;
-using Catch::Contains;
+using ise_test::Contains;
 namespace host_services = ise::instantiation::services;
 
 namespace {
@@ -146,7 +146,7 @@ TEST_CASE("without a policy it is shown only, until it answers again") {
     probed_harbour in;
     in.start("http://127.0.0.1:8080/health?full=1", restart_policy::never);
     in.system.world.run_for(5s);
-    CHECK_THAT(in.port.asked, Catch::StartsWith("GET /health?full=1 HTTP/1.1\r\nHost: 127.0.0.1:8080\r\n"));
+    CHECK_THAT(in.port.asked, ise_test::StartsWith("GET /health?full=1 HTTP/1.1\r\nHost: 127.0.0.1:8080\r\n"));
     CHECK(in.state().probe_trouble.empty());
     in.port.answer = "HTTP/1.1 503 Service Unavailable\r\n\r\n";
     CHECK(in.becomes([](const instance_info& now) {

@@ -11,7 +11,7 @@ namespace server_test {
 
 using namespace instantiation_test;
 using namespace std::chrono_literals;
-using Catch::Contains;
+using ise_test::Contains;
 namespace host_services = ise::instantiation::services;
 
 namespace {

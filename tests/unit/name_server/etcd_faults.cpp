@@ -15,7 +15,7 @@
 namespace etcd_faults_test {
 
 using namespace names_test;
-using Catch::Matchers::Contains;
+using ise_test::Contains;
 
 namespace {
 

@@ -18,9 +18,9 @@ namespace etcd_tls_test {
 
 using namespace names_test;
 using namespace ise_test;
-using Catch::Matchers::Contains;
 using ise::net::tls::identity;
 using ise::net::tls::identity_files;
+using ise_test::Contains;
 
 namespace {
 

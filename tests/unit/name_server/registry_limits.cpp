@@ -9,8 +9,8 @@
 namespace registry_limits_test {
 
 using namespace std::chrono_literals;
-using Catch::Matchers::Contains;
 using ise::naming::verdict;
+using ise_test::Contains;
 
 namespace {
 

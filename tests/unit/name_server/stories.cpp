@@ -589,8 +589,8 @@ TEST_CASE(
         return line.find("does not register this component yet") != line.npos;
     });
     REQUIRE(result != it.warnings.end());
-    CHECK_THAT(*result, Catch::Contains("the name server has just started"));
-    CHECK_THAT(*result, !Catch::Contains("no room"));
+    CHECK_THAT(*result, ise_test::Contains("the name server has just started"));
+    CHECK_THAT(*result, !ise_test::Contains("no room"));
 }
 
 } // namespace stories_test

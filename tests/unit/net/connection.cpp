@@ -16,9 +16,9 @@ namespace connection_test {
 
 using namespace std::chrono_literals;
 using namespace ise_test;
-using Catch::Matchers::Contains;
 using ise::errc;
 using ise::wire::frame_type;
+using ise_test::Contains;
 
 namespace {
 

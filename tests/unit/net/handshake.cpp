@@ -12,9 +12,9 @@ namespace handshake_test {
 
 using namespace std::chrono_literals;
 using namespace ise_test;
-using Catch::Matchers::Contains;
 using ise::errc;
 using ise::wire::frame_type;
+using ise_test::Contains;
 using made = ise::result<std::shared_ptr<ise::net::connection>>;
 
 namespace {

@@ -32,8 +32,8 @@ namespace sealed_test {
 using namespace std::chrono_literals;
 using namespace ise_test;
 using namespace boat_services;
-using Catch::Matchers::Contains;
 using ise::errc;
+using ise_test::Contains;
 using made = ise::result<std::shared_ptr<ise::net::connection>>;
 using key_ptr = std::shared_ptr<const ise::shared_key>;
 

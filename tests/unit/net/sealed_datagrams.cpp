@@ -31,11 +31,11 @@ namespace sealed_datagrams_test {
 using namespace std::chrono_literals;
 using namespace ise_test;
 using namespace boat_services;
-using Catch::Matchers::Contains;
 using ise::errc;
 using ise::net::udp::key_life;
 using ise::net::udp::seal;
 using ise::wire::datagram_type;
+using ise_test::Contains;
 
 namespace {
 

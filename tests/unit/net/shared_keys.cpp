@@ -17,9 +17,9 @@ namespace shared_keys_test {
 
 using namespace std::chrono_literals;
 using namespace ise_test;
-using Catch::Matchers::Contains;
 using ise::errc;
 using ise::wire::frame_type;
+using ise_test::Contains;
 using made = ise::result<std::shared_ptr<ise::net::connection>>;
 using key_ptr = std::shared_ptr<const ise::shared_key>;
 

@@ -19,8 +19,8 @@ namespace shared_keys_relayed_test {
 using namespace std::chrono_literals;
 using namespace ise_test;
 using namespace boat_services;
-using Catch::Matchers::Contains;
 using ise::errc;
+using ise_test::Contains;
 
 namespace {
 

@@ -12,8 +12,8 @@ namespace tls_test {
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
-using Catch::Matchers::Contains;
 using ise::errc;
+using ise_test::Contains;
 
 namespace {
 

@@ -16,7 +16,7 @@ namespace tls_strangers_test {
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
-using Catch::Matchers::Contains;
+using ise_test::Contains;
 
 namespace {
 

@@ -26,8 +26,8 @@ namespace udp_certificates_test {
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
-using Catch::Matchers::Contains;
 using ise::wire::datagram_type;
+using ise_test::Contains;
 
 namespace {
 

@@ -28,7 +28,7 @@
 namespace cereal_test {
 
 using namespace example;
-using Catch::Matchers::Contains;
+using ise_test::Contains;
 
 namespace {
 

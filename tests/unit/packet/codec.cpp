@@ -9,7 +9,7 @@
 namespace codec_test {
 
 using namespace example;
-using Catch::Matchers::Contains;
+using ise_test::Contains;
 
 TEST_CASE("every kind of field comes back as it was sent") {
     everything sent = filled();

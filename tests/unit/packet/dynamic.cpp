@@ -6,7 +6,7 @@
 namespace dynamic_test {
 
 using namespace example;
-using Catch::Matchers::Contains;
+using ise_test::Contains;
 
 namespace {
 struct waypoint_more {

@@ -6,8 +6,8 @@
 
 namespace evolution_test {
 
-using Catch::Matchers::Contains;
 using example::failure_of;
+using ise_test::Contains;
 
 namespace {
 enum class gear1 : std::uint8_t { low, high };

@@ -8,7 +8,7 @@
 namespace json_test {
 
 using namespace example;
-using Catch::Matchers::Contains;
+using ise_test::Contains;
 
 namespace {
 struct track {

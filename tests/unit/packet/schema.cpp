@@ -7,7 +7,7 @@
 namespace schema_test {
 
 using namespace example;
-using Catch::Matchers::Contains;
+using ise_test::Contains;
 
 namespace {
 struct renamed_type { // waypoint under another name, with other defaults

@@ -9,8 +9,8 @@
 
 namespace bounded_test {
 
-using Catch::Contains;
 using ise::bounded;
+using ise_test::Contains;
 
 namespace {
 

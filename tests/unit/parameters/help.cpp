@@ -8,9 +8,9 @@
 
 namespace help_test {
 
-using Catch::Contains;
 using ise::detail::help_of;
 using ise::detail::read_words;
+using ise_test::Contains;
 
 namespace {
 
@@ -57,7 +57,7 @@ ise::component_type wind_type() {
 TEST_CASE(
     "help of a type lists its services and its parameters with what is allowed, default and text, in 80 columns") {
     auto text = help_of("weather", wind_type());
-    CHECK_THAT(text, Catch::StartsWith("wind: what drives the boat\nusage: weather run wind "));
+    CHECK_THAT(text, ise_test::StartsWith("wind: what drives the boat\nusage: weather run wind "));
     CHECK_THAT(text, Contains("path: sea/wind\n") && Contains("provides: gusts\n") && Contains("requires: helm\n"));
     std::string plain;
     std::istringstream words(text);

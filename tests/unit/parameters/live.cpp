@@ -7,8 +7,8 @@
 namespace live_test {
 
 using namespace sea;
-using Catch::Contains;
 using ise::component;
+using ise_test::Contains;
 
 namespace {
 

@@ -240,7 +240,7 @@ TEST_CASE("a component that goes and comes back in a recording does so in the re
     std::string log;
     options.log = [&](const log_record& record) { log += format_line(record) + "\n"; };
     auto report = replay(tmp.file("a.mcap"), options);
-    using Catch::Matchers::Contains;
+    using ise_test::Contains;
     CHECK_THAT(log, Contains("atirma/navigator: was lost; its subscriptions go on when it is back"));
     CHECK_THAT(log, Contains("atirma/navigator: is reached again provider=atirma/boat"));
     CHECK(report.counts.answered > 60); // also after it
@@ -279,9 +279,9 @@ TEST_CASE("the first thing that a component does otherwise in a replay is shown"
     CHECK(other.recorded == "40");
     CHECK(other.now == "41");
     CHECK_THAT(other.text(),
-               Catch::Matchers::Contains("atirma/navigator: packet 19 of 'fixes', field number: 40 in the recording, "
-                                         "41 now"));
-    CHECK_THAT(other.text(), Catch::Matchers::StartsWith("2017-09-04T08:00:05."));
+               ise_test::Contains("atirma/navigator: packet 19 of 'fixes', field number: 40 in the recording, "
+                                  "41 now"));
+    CHECK_THAT(other.text(), ise_test::StartsWith("2017-09-04T08:00:05."));
 
     auto few = first(fault::one_call_too_few);
     CHECK(few.component == "atirma/pilot");
@@ -341,7 +341,7 @@ TEST_CASE("what cannot be replayed is refused with its reason", "[replay]") {
         }
         return std::string("nothing");
     };
-    using Catch::Matchers::Contains;
+    using ise_test::Contains;
     CHECK_THAT(why(tmp.file("none.mcap"), with(fault::none)), Contains("none.mcap"));
     CHECK_THAT(why(tmp.file("a.mcap"), replay_options()), Contains("needs the components"));
     auto other = with(fault::none);

@@ -27,9 +27,9 @@ namespace actions_test {
 
 using namespace ise_test;
 using namespace std::chrono_literals;
-using Catch::Matchers::Contains;
 using ise::errc;
 using ise::execution;
+using ise_test::Contains;
 
 struct waypoint {
     std::string name;

@@ -39,9 +39,9 @@ constexpr ise::request_response<boat_services::set_mode, page> scribe{"scribe"};
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
-using Catch::Matchers::Contains;
 using ise::errc;
 using ise::execution;
+using ise_test::Contains;
 
 namespace {
 

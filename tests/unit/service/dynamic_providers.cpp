@@ -17,10 +17,10 @@ namespace dynamic_providers_test {
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
-using Catch::Matchers::Contains;
 using ise::dynamic_contract;
 using ise::dynamic_packet;
 using ise::errc;
+using ise_test::Contains;
 
 namespace {
 

@@ -6,8 +6,8 @@ namespace evolution_test {
 
 using namespace ise_test;
 using namespace std::chrono_literals;
-using Catch::Matchers::Contains;
 using ise::errc;
+using ise_test::Contains;
 
 // One service as three versions of a program declare it.
 namespace older {

@@ -53,7 +53,7 @@ TEST_CASE("a call and a subscription go over tcp") {
     CHECK(all.run(shore, ask(shore.at(where), "hold")) == "now hold");
     CHECK(all.run(shore, ask_by_fields(shore.at(where), "hold")) ==
           "now hold, now hold for longer than a short string has room");
-    CHECK_THROWS_WITH(all.run(shore, ask(shore.at(where), "fly")), Catch::Matchers::Contains("boats sail"));
+    CHECK_THROWS_WITH(all.run(shore, ask(shore.at(where), "fly")), ise_test::Contains("boats sail"));
 
     auto following = start(shore.on, follow(shore.at(where), 3));
     all.run_until([&] { return fixes.subscribers() == 1; });

@@ -17,9 +17,9 @@ namespace udp_sessions_test {
 using namespace boat_services;
 using namespace ise_test;
 using namespace std::chrono_literals;
-using Catch::Matchers::Contains;
 using ise::errc;
 using ise::execution;
+using ise_test::Contains;
 
 namespace {
 
@@ -224,7 +224,7 @@ TEST_CASE("what another life of the provider may have executed is not asked of t
     REQUIRE_FALSE(call->get());
     CHECK(call->get().error().code() == errc::peer_lost);
     CHECK(call->get().error().executed() == execution::unknown);
-    CHECK_THAT(call->get().error().message(), Catch::Matchers::Contains("restarted"));
+    CHECK_THAT(call->get().error().message(), ise_test::Contains("restarted"));
     CHECK(runs == 1);
 }
 
@@ -404,7 +404,7 @@ TEST_CASE("answers that come late, for a peer that pings and acks nothing, are b
         CHECK(got.error().executed() == execution::unknown);
         if (got.error().code() != errc::overloaded) continue;
         ++overloaded;
-        CHECK_THAT(got.error().message(), Catch::Matchers::Contains("session_bytes"));
+        CHECK_THAT(got.error().message(), ise_test::Contains("session_bytes"));
     }
     CHECK(answered >= 10);
     CHECK(overloaded > 0);
@@ -469,7 +469,7 @@ TEST_CASE("the calls of a client that has vanished end with its linger, and thei
         REQUIRE_FALSE(result->get());
         CHECK(result->get().error().code() == errc::peer_lost);
         CHECK(result->get().error().executed() == execution::unknown);
-        CHECK_THAT(result->get().error().message(), Catch::Matchers::Contains("linger"));
+        CHECK_THAT(result->get().error().message(), ise_test::Contains("linger"));
     }
     CHECK(runs == 1);
     CHECK(sea.stop());
@@ -564,7 +564,7 @@ TEST_CASE("nobody listens there: the call fails in time and says so") {
     REQUIRE_FALSE(got);
     CHECK(got.error().code() == errc::timed_out);
     CHECK(got.error().executed() == execution::not_executed);
-    CHECK_THAT(got.error().message(), Catch::Matchers::Contains("udp://boat:7400"));
+    CHECK_THAT(got.error().message(), ise_test::Contains("udp://boat:7400"));
 }
 
 TEST_CASE("any operation may fail, and calls over datagrams end all the same") {

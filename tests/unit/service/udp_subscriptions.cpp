@@ -141,7 +141,7 @@ TEST_CASE("a packet beyond the limit of datagrams is dropped at the provider, co
     CHECK(got->sizes == std::vector<std::size_t>{10});
     CHECK(boat.services->counts().packets_dropped == 1);
     REQUIRE(boat.warnings.size() == 1);
-    CHECK_THAT(boat.warnings[0], Catch::Matchers::Contains("larger than its subscriber accepts"));
+    CHECK_THAT(boat.warnings[0], ise_test::Contains("larger than its subscriber accepts"));
 }
 
 TEST_CASE("through a slow way the latest value is not held up by those before it") {

@@ -17,7 +17,7 @@ namespace downloads_test {
 
 using namespace std::chrono_literals;
 using namespace atirma;
-using Catch::Contains;
+using ise_test::Contains;
 using nlohmann::json;
 using web_test::client;
 

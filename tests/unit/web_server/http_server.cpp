@@ -110,7 +110,7 @@ TEST_CASE("the address of map tiles is one that a policy can name") {
     CHECK(atirma::origin_of("https://tiles.example.org:8443/{z}/{x}/{y}.png") == "https://tiles.example.org:8443");
     for (auto url : {"ftp://a/{z}/{x}/{y}", "https://a;b/{z}/{x}/{y}", "https://a b/{z}/{x}/{y}", "https://a/{z}/{x}",
                      "/{z}/{x}/{y}"})
-        CHECK_THROWS_WITH(atirma::check({url, ""}), Catch::Contains("--tiles"));
+        CHECK_THROWS_WITH(atirma::check({url, ""}), ise_test::Contains("--tiles"));
 }
 
 TEST_CASE("HEAD answers as GET does, without the body") {

@@ -226,7 +226,8 @@ TEST_CASE("page: an address that is a name is refused, and the error says what t
         return node;
     });
     world.run_for(2s);
-    CHECK_THAT(failure, Catch::Contains("\"localhost\" is not a numeric IP address") && Catch::Contains("--address"));
+    CHECK_THAT(failure,
+               ise_test::Contains("\"localhost\" is not a numeric IP address") && ise_test::Contains("--address"));
 }
 
 TEST_CASE("page: where the Iridium gateway believes the boat to be is no history, and dates from the session") {
@@ -266,7 +267,7 @@ TEST_CASE("page: an archive that is no database is set aside, and filled again f
     CHECK(at.world.run_until([&] { return at.has_all(); }, 1min));
     auto aside = disk.set_aside();
     REQUIRE(aside.size() == 1);
-    CHECK_THAT(at.log.errors, Catch::Contains(aside.front()));
+    CHECK_THAT(at.log.errors, ise_test::Contains(aside.front()));
 }
 
 TEST_CASE("page: an archive with a damaged page is set aside when the page meets it, and filled again") {
@@ -294,7 +295,7 @@ TEST_CASE("page: an archive with a damaged page is set aside when the page meets
         sqlite3_close(other);
     }
     CHECK(at.world.run_until([&] { return at.has_all() && disk.set_aside().size() == 1; }, 1min));
-    CHECK_THAT(at.log.errors, Catch::Contains("set aside"));
+    CHECK_THAT(at.log.errors, ise_test::Contains("set aside"));
 }
 
 } // namespace told_test

@@ -18,7 +18,7 @@ namespace track_archive_test {
 
 using namespace std::chrono_literals;
 using namespace atirma;
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 

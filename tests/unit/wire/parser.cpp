@@ -128,8 +128,8 @@ TEST_CASE("a frame beyond the limit is refused before anything is allocated for 
     auto found = in.next();
     REQUIRE_FALSE(found);
     CHECK(found.error().code() == ise::errc::too_large);
-    CHECK_THAT(found.error().message(), Catch::Matchers::Contains("packet") && Catch::Matchers::Contains("1001") &&
-                                            Catch::Matchers::Contains("(max_frame_bytes)"));
+    CHECK_THAT(found.error().message(),
+               ise_test::Contains("packet") && ise_test::Contains("1001") && ise_test::Contains("(max_frame_bytes)"));
 
     parser other(1 << 20);
     frame_header huge;

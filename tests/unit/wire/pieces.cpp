@@ -7,7 +7,7 @@
 namespace pieces_test {
 
 using namespace ise::wire;
-using Catch::Matchers::Contains;
+using ise_test::Contains;
 
 namespace {
 
