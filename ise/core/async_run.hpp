@@ -126,12 +126,13 @@ struct run_signature<void> {
 template <class T, class Token>
 auto async_run(asio::any_io_executor on, task<T> what, Token&& token) {
     return asio::async_initiate<Token, typename detail::run_signature<T>::type>(
-        [](auto handler, asio::any_io_executor executor, task<T> bottom) {
+        // It has the executor, since g++ takes a closure without captures for one that is not initialized.
+        [on = std::move(on)](auto handler, task<T> bottom) {
             using stack = detail::run_stack<T, decltype(handler)>;
-            suspended_stack first(*new stack(executor, std::move(bottom), std::move(handler)));
-            asio::dispatch(executor, [first = std::move(first)]() mutable { first.resume(); });
+            suspended_stack first(*new stack(on, std::move(bottom), std::move(handler)));
+            asio::dispatch(on, [first = std::move(first)]() mutable { first.resume(); });
         },
-        token, std::move(on), std::move(what));
+        token, std::move(what));
 }
 
 } // namespace ise

@@ -58,7 +58,7 @@ class tripler final : public component {
 /// A boat whose calls are shown, a caller, and a recorder.
 struct voyage {
     explicit voyage(bag::recorder_options options) {
-        begin("boat", [](node& in) { in.start<doubler>("atirma/boat", everywhere()); });
+        begin("boat", [](node& boat) { boat.start<doubler>("atirma/boat", everywhere()); });
         begin("log", [this, options](node& log) {
             recording = &log;
             log.start<bag::recorder>("atirma/recorder", everywhere(), options);
