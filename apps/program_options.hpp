@@ -1,45 +1,18 @@
 #pragma once
+#include <apps/command_line.hpp>
 #include <ise/component/node_options.hpp>
 #include <ise/core/log.hpp>
-#include <ise/core/readable.hpp>
 #include <ise/transport/security.hpp>
 
-#include <CLI/CLI.hpp>
-
 #include <cstdlib>
-#include <memory>
 #include <string>
-#include <utility>
-
-/// Help in lines that fit a terminal. Set on an app before its subcommands, which inherit it.
-class wrapped_help : public CLI::Formatter {
-public:
-    std::string make_help(const CLI::App* app, std::string name, CLI::AppFormatMode mode) const override {
-        return ise::wrapped(CLI::Formatter::make_help(app, std::move(name), mode));
-    }
-};
-
-/// After a failed parse: prints the help that was asked for, or what is wrong, as "PROGRAM: what". Exit code: 0, or 2.
-inline int exit_of(CLI::App& app, const CLI::ParseError& why) {
-    app.failure_message([](const CLI::App* of, const CLI::Error& wrong) {
-        std::string program = of->get_name(), text = wrong.what();
-        while (!of->get_subcommands().empty()) of = of->get_subcommands().back();
-        if (text == "A subcommand is required") { // which CLI11 does not name
-            text = "one of these is required:";
-            for (const auto* one : of->get_subcommands([](const CLI::App*) { return true; }))
-                text += " " + one->get_name();
-        }
-        return program + ": " + text + "\nRun with --help for more information.\n";
-    });
-    return app.exit(why) == 0 ? 0 : 2;
-}
 
 /// --key, --key-legacy, --tls and --access, as every program has them. `given` outlives the parse.
-inline void add_credentials(CLI::App& app, ise::security_options& given) {
+inline void add_credentials(command_line::app& app, ise::security_options& given) {
     app.add_option("--key", given.key_file,
                    "a file with the shared key of the system; peers without it are refused (default: $ISE_KEY)")
         ->type_name("FILE");
-    app.add_flag_callback(
+    app.add_flag(
         "--key-legacy",
         [] {
             static char set[] = "ISE_KEY_LEGACY=1"; // for processes that it starts, too
@@ -55,14 +28,14 @@ inline void add_credentials(CLI::App& app, ise::security_options& given) {
 }
 
 /// --audit, for programs that provide services.
-inline void add_audit(CLI::App& app, ise::security_options& given) {
+inline void add_audit(command_line::app& app, ise::security_options& given) {
     app.add_option("--audit", given.audit_file,
                    "a file that gets a line of JSON for each refusal and each change allowed (default: $ISE_AUDIT)")
         ->type_name("FILE");
 }
 
 /// --metrics, --traces and --trace-rate, for programs that run as long as the system. `given` outlives the parse.
-inline void add_observing(CLI::App& app, ise::node_options& given) {
+inline void add_observing(command_line::app& app, ise::node_options& given) {
     app.add_option("--metrics", given.metrics,
                    "serve metrics to Prometheus there: a port of the loopback interface, or an address with a port "
                    "(default: $ISE_METRICS, else none)")
@@ -74,13 +47,15 @@ inline void add_observing(CLI::App& app, ise::node_options& given) {
     app.add_option(
            "--trace-rate", given.trace_rate,
            "share of the traces begun here that are kept (default: $ISE_TRACE_RATE, else the first 100 a second)")
-        ->check(CLI::Range(0.0, 1.0))
+        ->check(command_line::range(0.0, 1.0))
         ->type_name("SHARE");
 }
 
 /// --log-level. `level` outlives the parse.
-inline void add_log_level(CLI::App& app, ise::log_level& level) {
-    app.add_option_function<std::string>(
+inline void add_log_level(command_line::app& app, ise::log_level& level) {
+    auto known = command_line::is_member({"debug", "info", "warning", "error"});
+    known.description.clear(); // the option's says it
+    app.add_option(
            "--log-level",
            [&level](const std::string& name) {
                using enum ise::log_level;
@@ -88,7 +63,7 @@ inline void add_log_level(CLI::App& app, ise::log_level& level) {
                    if (name == ise::name_of(each)) level = each;
            },
            "minimum level of log lines on stderr: debug, info, warning or error")
-        ->check(CLI::IsMember({"debug", "info", "warning", "error"}).description(""))
+        ->check(known)
         ->type_name("LEVEL")
         ->default_str(std::string(ise::name_of(level)));
 }

@@ -2,13 +2,13 @@
 
 #include <components/boat/boat_names.hpp>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
 #include <cstdlib>
 #include <optional>
+#include <sstream>
 #include <string_view>
 
 namespace atirma {
@@ -40,13 +40,20 @@ void set_values(ise::component_type& of, const given_values& values) {
     for (const auto& [name, all] : values)
         for (const auto& value : all) {
             auto set = of.parameters.set(name, value);
-            if (!set) throw CLI::ValidationError("--" + name, set.error().message());
+            if (!set) throw command_line::parse_error("--" + name, set.error().message());
         }
     auto taken = of.parameters.set_from([](const std::string& name) -> std::optional<std::string> {
         const char* result = std::getenv(name.c_str());
         return result ? std::optional<std::string>(result) : std::nullopt;
     });
-    if (!taken) throw CLI::ValidationError(of.about.name, taken.error().message());
+    if (!taken) throw command_line::parse_error(of.about.name, taken.error().message());
+}
+
+std::vector<std::string> parts_of(const std::string& list) {
+    std::vector<std::string> parts;
+    std::istringstream from(list);
+    for (std::string part; std::getline(from, part, ',');) parts.push_back(part);
+    return parts;
 }
 
 /// The values for a boat, given those of the first: presets name the boat, too. Each boat has gusts of its own.
@@ -55,7 +62,7 @@ given_values values_of(const ise::component_type& type, given_values values, std
     for (const auto& declared : type.parameters.all()) {
         auto& all = values[declared.name];
         bool preset = all.empty() && !declared.preset.empty();
-        if (preset && declared.many) all = CLI::detail::split(declared.preset, ',');
+        if (preset && declared.many) all = parts_of(declared.preset);
         else if (preset) all = {declared.preset};
         auto before = all;
         for (auto& one : all) one = of_boat(one, boat);
@@ -65,16 +72,15 @@ given_values values_of(const ise::component_type& type, given_values values, std
     return values;
 }
 
-CLI::Validator fits(const ise::parameter& declared) {
-    return CLI::Validator(
-        [declared](std::string& value) -> std::string {
-            auto allowed = ise::check(declared, value);
-            return allowed ? std::string() : allowed.error().message();
-        },
-        "");
+command_line::validator fits(const ise::parameter& declared) {
+    auto fault = [declared](const std::string& value) {
+        auto allowed = ise::check(declared, value);
+        return allowed ? std::string() : allowed.error().message();
+    };
+    return {fault, ""};
 }
 
-void add_parameter(CLI::App& to, const ise::parameter& declared, std::vector<std::string>& given) {
+void add_parameter(command_line::app& to, const ise::parameter& declared, std::vector<std::string>& given) {
     auto name = "--" + declared.name;
     auto about = declared.description;
     if (!declared.preset.empty()) about += fmt::format(" (default: {})", declared.preset);
@@ -90,7 +96,7 @@ void add_parameter(CLI::App& to, const ise::parameter& declared, std::vector<std
 
 } // namespace
 
-void add_components(CLI::App& run, std::vector<hosted>& into, const ise::type_maker& types) {
+void add_components(command_line::app& run, std::vector<hosted>& into, const ise::type_maker& types) {
     for (auto& type : types()) {
         auto one = std::make_shared<reading>(std::move(type));
         auto& about = one->type.about;
@@ -109,11 +115,11 @@ void add_components(CLI::App& run, std::vector<hosted>& into, const ise::type_ma
             sub->add_option("--boats", one->boats,
                             "run it for so many boats: atirma, boat-2, boat-3...; in values {boat} is the boat's name, "
                             "and atirma/shore becomes boat-2/shore")
-                ->check(CLI::Range(std::size_t{1}, max_boats))
+                ->check(command_line::range(std::size_t{1}, max_boats))
                 ->capture_default_str();
         for (const auto& declared : one->type.parameters.all())
             add_parameter(*sub, declared, one->given[declared.name]);
-        sub->final_callback([one, &into, types] {
+        sub->callback([one, &into, types] {
             for (std::size_t number = 1; number <= one->boats; ++number) {
                 auto own = type_named(one->type.about.name, types);
                 set_values(own, one->boats > 1 ? values_of(own, one->given, number) : one->given);

@@ -1,4 +1,5 @@
 #pragma once
+#include <apps/command_line.hpp>
 #include <ise/component/component_type.hpp>
 #include <ise/component/node.hpp>
 
@@ -6,10 +7,6 @@
 #include <memory>
 #include <string>
 #include <vector>
-
-namespace CLI {
-class App;
-}
 
 namespace atirma {
 
@@ -32,6 +29,6 @@ std::vector<ise::component_type> gprs_types(const std::function<void(const std::
 /// Adds types as subcommands of `run`, each with its parameters as options, and those that belong to a boat with
 /// `--boats`. After parsing, those that were named stand in `into`, which outlives the parser. `types` makes the types
 /// for each boat anew.
-void add_components(CLI::App& run, std::vector<hosted>& into, const ise::type_maker& types);
+void add_components(command_line::app& run, std::vector<hosted>& into, const ise::type_maker& types);
 
 } // namespace atirma

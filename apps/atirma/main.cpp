@@ -14,7 +14,6 @@
 #include <ise/core/real/environment.hpp>
 #include <ise/naming/name_servers.hpp>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -36,7 +35,7 @@ struct common_options {
     ise::log_level level = ise::log_level::info;
 };
 
-void add_common(CLI::App& to, common_options& options) {
+void add_common(command_line::app& to, common_options& options) {
     to.add_option("--name-server", options.name_server, "its endpoint (default: ISE_NAME_SERVER, else this machine)");
     add_credentials(to, options.security);
     add_audit(to, options.security);
@@ -149,8 +148,7 @@ int decode_input() {
     return code;
 }
 
-// CLI11 takes the next word as the value of `--wind=`, which an instantiation server writes for an empty one. In the
-// order that the parser asks for: the last word first.
+// CLI11 takes the next word as the value of `--wind=`, which an instantiation server writes for an empty one.
 std::vector<std::string> words_of(int count, char** words) {
     std::vector<std::string> all;
     for (std::string_view word : std::span(words, static_cast<std::size_t>(count)).subspan(1)) {
@@ -159,13 +157,11 @@ std::vector<std::string> words_of(int count, char** words) {
         all.emplace_back(word);
         if (empty) all.emplace_back();
     }
-    std::ranges::reverse(all);
     return all;
 }
 
 int obey(int count, char** words) {
-    CLI::App app{"The shore side of A-Tirma, and a simulated boat", "atirma"};
-    app.formatter(std::make_shared<wrapped_help>());
+    command_line::app app{"The shore side of A-Tirma, and a simulated boat", "atirma"};
     app.set_version_flag("--version", "atirma " ATIRMA_VERSION);
     app.require_subcommand(1);
     bool describe = false; // read above, as `host`: they stand alone
@@ -221,7 +217,7 @@ int obey(int count, char** words) {
                      "paths of the proxies whose telemetry is counted (default: that proxy)")
         ->allow_extra_args(false);
     observes->add_option("--page", page, "host:port of the web server whose event stream is read");
-    observes->add_option("--for", length_s, "seconds")->check(CLI::Range(1.0, 86400.0))->capture_default_str();
+    observes->add_option("--for", length_s, "seconds")->check(command_line::range(1.0, 86400.0))->capture_default_str();
 
     std::string file;
     auto* store = app.add_subcommand("store", "the stores of communication nodes: files, and databases of PostgreSQL");
@@ -258,11 +254,12 @@ int obey(int count, char** words) {
     retains->add_option("store", url, url_help)->required();
     retains->add_option("--boat", kept_boat, "of this boat (default: of all)");
     retains->add_option("--kind", kept_kind, "of this kind, its number on air (default: of all)")
-        ->check(CLI::Range(0, 255));
-    retains->add_option("--days", kept_days, "since measurement and reception (default: rules are only printed)")
-        ->check(CLI::Range(1, 100'000));
+        ->check(command_line::range(0, 255));
+    auto* days =
+        retains->add_option("--days", kept_days, "since measurement and reception (default: rules are only printed)")
+            ->check(command_line::range(1, 100'000));
     bool kept_forever = false;
-    retains->add_flag("--remove", kept_forever, "remove that rule")->excludes("--days");
+    retains->add_flag("--remove", kept_forever, "remove that rule")->excludes(days);
     retains->footer(
         "The most particular rule counts: boat and kind, then boat, then kind, then all. Nodes remove older "
         "packets once an hour.\n"
@@ -310,20 +307,20 @@ int obey(int count, char** words) {
 
     try {
         app.parse(words_of(count, words));
-    } catch (const CLI::ParseError& why) {
+    } catch (const command_line::parse_error& why) {
         if (count > 2 && std::string_view(words[1]) == "run" && words[2][0] != '-') {
             std::string known;
             bool there = false;
-            for (const auto* type : runs->get_subcommands(nullptr)) {
-                there = there || type->get_name() == words[2];
-                known += (known.empty() ? "" : ", ") + type->get_name();
+            for (const auto& type : runs->info().commands) {
+                there = there || type.name == words[2];
+                known += (known.empty() ? "" : ", ") + type.name;
             }
             if (!there) {
                 complain(fmt::format("there is no component type '{}'; there are {}", words[2], known));
                 return 2;
             }
         }
-        return exit_of(app, why);
+        return app.exit(why);
     }
     try {
         if (!common.name_server.empty()) ise::parse_name_servers(common.name_server).value();

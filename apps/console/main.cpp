@@ -13,7 +13,6 @@
 #include <ise/naming/name_servers.hpp>
 #include <ise/naming/services.hpp>
 
-#include <CLI/CLI.hpp>
 #include <QApplication>
 #include <QTimer>
 #include <fmt/format.h>
@@ -264,8 +263,7 @@ int run(const arguments& given, int count, char** words) {
 
 int main(int count, char** words) {
     arguments given;
-    CLI::App app{"The operator's console of A-Tirma", "atirma_console"};
-    app.formatter(std::make_shared<wrapped_help>());
+    command_line::app app{"The operator's console of A-Tirma", "atirma_console"};
     app.set_version_flag("--version", "atirma_console " ATIRMA_VERSION);
     app.add_option("--name-server", given.name_server,
                    "its endpoint, or none (default: ISE_NAME_SERVER, else that of this machine)");
@@ -273,7 +271,7 @@ int main(int count, char** words) {
         ->delimiter(',')
         ->capture_default_str();
     app.add_option("--boats", given.boats, "of a fleet, show so many boats: atirma, boat-2, boat-3...")
-        ->check(CLI::Range(std::size_t{1}, max_boats))
+        ->check(command_line::range(std::size_t{1}, max_boats))
         ->capture_default_str();
     app.add_option("--proxies", given.proxies, "further proxies of the (first) boat: paths or endpoints")
         ->delimiter(',');
@@ -282,7 +280,7 @@ int main(int count, char** words) {
     app.add_flag("--night", given.night, "start with night colours");
     app.add_option("--size", given.size, "size of the window (default: the last one, else 1280x800)");
     app.add_option("--tab", given.tab, "the list shown first: mission, links, boat, log, alarms, packets, who, fleet")
-        ->check(CLI::IsMember({"mission", "links", "boat", "log", "alarms", "packets", "who", "fleet"}));
+        ->check(command_line::is_member({"mission", "links", "boat", "log", "alarms", "packets", "who", "fleet"}));
     app.add_option("--settings", given.settings,
                    "file for window, units, alarm limits and the edited list, or none "
                    "(default: atirma/console.ini in the user's configuration folder)");
@@ -298,19 +296,19 @@ int main(int count, char** words) {
     app.add_option("--mail-user", given.mail_user, "user there; the password is in ATIRMA_MAIL_PASSWORD");
     app.add_option("--mail-from", given.mail_from, "sender of these mails");
     app.add_option("--alarms-from", given.alarms_from, "the least severity that is sent: notice, warning, critical")
-        ->check(CLI::IsMember({"notice", "warning", "critical"}))
+        ->check(command_line::is_member({"notice", "warning", "critical"}))
         ->capture_default_str();
     app.add_option("--screenshot", given.screenshot,
                    "write a picture of the window to this file (PNG), then exit; needs no display");
     app.add_option("--after", given.after_s, "seconds until the picture")
-        ->check(CLI::Range(0.1, 86400.0))
+        ->check(command_line::range(0.1, 86400.0))
         ->capture_default_str();
     app.footer("Exit codes: 0 success, 1 failure, 2 wrong arguments.\n"
                "Example: atirma_console --name-server tcp://shore:7400 --night");
     try {
         app.parse(count, words);
-    } catch (const CLI::ParseError& why) {
-        return exit_of(app, why);
+    } catch (const command_line::parse_error& why) {
+        return app.exit(why);
     }
     try {
         for (const auto& at : {given.name_server, variable("ISE_NAME_SERVER")})

@@ -9,8 +9,6 @@
 #include <ise/instantiation/real_machine.hpp>
 #include <ise/naming/name_servers.hpp>
 
-#include <CLI/CLI.hpp>
-
 #include <fmt/format.h>
 
 #include <climits>
@@ -55,7 +53,7 @@ std::string default_state_folder(const std::string& name) {
 
 ise::endpoint endpoint_of(const std::string& option, const std::string& text) {
     auto at = ise::endpoint::parse(text);
-    if (!at) throw CLI::ValidationError(option, at.error().message());
+    if (!at) throw command_line::parse_error(option, at.error().message());
     return *at;
 }
 
@@ -101,7 +99,7 @@ int run(const settings& wanted) {
         options.name_servers = ise::usual_name_servers(env).value();
     } else {
         auto parsed = ise::parse_name_servers(wanted.name_server);
-        if (!parsed) throw CLI::ValidationError("--name-server", parsed.error().message());
+        if (!parsed) throw command_line::parse_error("--name-server", parsed.error().message());
         options.name_servers = std::move(*parsed);
     }
     options.variables = variables_for_components();
@@ -155,9 +153,8 @@ int run(const settings& wanted) {
 
 int main(int argc, char** argv) {
     if (auto kept = ise::instantiation::keep_if_asked(argc, argv)) return *kept;
-    CLI::App app("Starts components on this host on request (`ise start`), and supervises them.",
-                 "ise_instantiation_server");
-    app.formatter(std::make_shared<wrapped_help>());
+    command_line::app app("Starts components on this host on request (`ise start`), and supervises them.",
+                          "ise_instantiation_server");
     settings wanted;
     app.add_option("--programs", wanted.programs,
                    "folder with the programs whose components can be started (those that answer --describe)")
@@ -198,10 +195,10 @@ int main(int argc, char** argv) {
         ->type_name("USER");
     app.add_flag("--as-root", wanted.as_root, "components may be started with the user root");
     app.add_option("--max-instances", wanted.instances, "maximum number of instances, including those that have ended")
-        ->check(CLI::Range(1, 4096))
+        ->check(command_line::range(1, 4096))
         ->capture_default_str();
     app.add_option("--grace", wanted.grace_s, "seconds for its components to end when it ends")
-        ->check(CLI::Range(0.0, 3600.0))
+        ->check(command_line::range(0.0, 3600.0))
         ->capture_default_str();
     app.add_flag("--leave-running", wanted.leave_running,
                  "its components continue when it ends, and the next server takes them over");
@@ -217,8 +214,8 @@ int main(int argc, char** argv) {
     try {
         app.parse(argc, argv);
         return run(wanted);
-    } catch (const CLI::ParseError& wrong) {
-        return exit_of(app, wrong);
+    } catch (const command_line::parse_error& wrong) {
+        return app.exit(wrong);
     } catch (const std::exception& thrown) {
         ise::complain("ise_instantiation_server", thrown.what());
         return cannot_run;

@@ -344,7 +344,7 @@ void need(const access_options& options, std::size_t count, const char* form) {
                       "ise access --help");
 }
 
-void declare_access(CLI::App& app, parsed_command& made) {
+void declare_access(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<access_options>();
     app.add_option("ACTION", given->act, "check, why, list or learn")
         ->required()

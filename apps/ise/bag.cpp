@@ -510,7 +510,7 @@ task<> bag_work(context& in, bag_options options) {
     co_await in.out.write(in.self, std::move(text));
 }
 
-void declare_bag(CLI::App& app, parsed_command& made) {
+void declare_bag(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<bag_options>();
     app.add_option("ACTION", given->act,
                    "info: what it has; cat: its packets as JSON; check: every byte; cut: a part of it; merge: several "

@@ -150,7 +150,7 @@ task<> bench(context& in, bench_options options) {
     if (seen->answered == 0 && seen->last) throw problem(*seen->last, "is it busy or stopped? ise doctor looks at all");
 }
 
-void declare_bench(CLI::App& app, parsed_command& made) {
+void declare_bench(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<bench_options>();
     add_component(app, given->name);
     app.add_option("SERVICE", given->service,
@@ -158,7 +158,7 @@ void declare_bench(CLI::App& app, parsed_command& made) {
     app.add_option("JSON", given->json, "the request; - reads it from standard input");
     app.add_option("--concurrent,-c", given->concurrent, "calls at once (default: 1)")
         ->type_name("N")
-        ->check(CLI::Range(1u, 1024u));
+        ->check(command_line::range(1u, 1024u));
     add_time(app, "--for", given->length, "how long (default: 5s)");
     app.callback([&made, given] {
         if (!given->json.empty()) given->json = json_given(given->json);

@@ -61,7 +61,7 @@ private:
     bw_line now_;
 };
 
-void declare_bw(CLI::App& app, parsed_command& made) {
+void declare_bw(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<metering_options>();
     add_metering(app, *given);
     app.callback([&made, given] {

@@ -26,7 +26,7 @@ task<> call(context& in, call_options options) {
     co_await in.out.write(in.self, std::move(text));
 }
 
-void declare_call(CLI::App& app, parsed_command& made) {
+void declare_call(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<call_options>();
     add_component(app, given->name);
     app.add_option("SERVICE", given->service, "name of a request-response service")->required();

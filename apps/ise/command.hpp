@@ -2,6 +2,7 @@
 #include "exit_code.hpp"
 #include "output.hpp"
 
+#include <apps/command_line.hpp>
 #include <ise/component/component.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/transport/security.hpp>
@@ -14,10 +15,6 @@
 #include <span>
 #include <string>
 #include <string_view>
-
-namespace CLI {
-class App;
-}
 
 namespace ise::cli {
 
@@ -81,7 +78,7 @@ struct parsed_command {
 struct command {
     std::string_view name, group, summary, examples;
     /// Adds its options to `app` and lets `app.callback` fill in what is to be done.
-    void (*declare)(CLI::App& app, parsed_command& made);
+    void (*declare)(command_line::app& app, parsed_command& made);
 };
 
 inline constexpr std::string_view see_group = "See what there is", talk_group = "Talk to a component",

@@ -13,47 +13,8 @@
 namespace ise::cli {
 namespace {
 
-// An option or a place of the command line, as completion scripts need it.
-struct option_info {
-    std::vector<std::string> names; //< "--json", "-n"; of a place one: "NAME"
-    std::string description;
-    bool takes_value = false;
-    std::vector<std::string> choices;
-};
-
-// A command with everything below it.
-struct command_info {
-    std::string name;
-    std::string description;
-    std::vector<option_info> options;
-    std::vector<option_info> places;
-    std::vector<command_info> commands;
-};
-
-command_info info_of(const CLI::App& app) {
-    command_info made;
-    made.name = app.get_name();
-    made.description = app.get_description();
-    for (const auto* one : app.get_options()) {
-        option_info info;
-        info.description = one->get_description();
-        info.takes_value = one->get_items_expected_max() > 0;
-        auto type = one->get_type_name(); // "TEXT:{bash,fish,zsh}"
-        if (auto from = type.find('{'), to = type.find('}'); from != std::string::npos && to > from)
-            info.choices = CLI::detail::split(type.substr(from + 1, to - from - 1), ',');
-        if (one->get_positional()) {
-            info.names.push_back(one->get_name());
-            made.places.push_back(std::move(info));
-        } else {
-            for (const auto& name : one->get_lnames()) info.names.push_back("--" + name);
-            for (const auto& name : one->get_snames()) info.names.push_back("-" + name);
-            made.options.push_back(std::move(info));
-        }
-    }
-    for (const auto* below : app.get_subcommands([](const CLI::App*) { return true; }))
-        made.commands.push_back(info_of(*below));
-    return made;
-}
+using command_line::command_info;
+using command_line::option_info;
 
 std::string filled(std::string script, std::string_view place, const std::string& text) {
     if (auto at = script.find(place); at != std::string::npos) script.replace(at, place.size(), text);
@@ -117,7 +78,7 @@ std::string bash_case(const command_info& program, const command_info& command, 
         for (const auto& name : one.names) options += (options.empty() ? "" : " ") + name;
     for (const auto& below : command.commands) places += (places.empty() ? "" : " ") + below.name;
     if (!places.empty()) places = "\"" + places + "\"";
-    for (const auto& place : command.places)
+    for (const auto& place : command.arguments)
         places += fmt::format("{}\"{}\"", places.empty() ? "" : " ", completes(place) ? place_word(place) : "");
     return fmt::format("        {}) options=\"{}\" places=({}) ;;\n", top ? "\"\"" : command.name, options, places);
 }
@@ -135,7 +96,7 @@ std::string zsh_case(const command_info& program, const command_info& command, b
         return fmt::format("        \"\") options=({}) places=(COMMAND); local -a commands=({}) ;;\n", options,
                            commands);
     }
-    for (const auto& place : command.places)
+    for (const auto& place : command.arguments)
         places += fmt::format("\"{}\" ", completes(place) ? place_word(place) : "");
     return fmt::format("        {}) options=({}) places=({}) ;;\n", command.name, options, places);
 }
@@ -157,8 +118,8 @@ std::string fish_lines(const command_info& program) {
         for (const auto& one : command.options)
             if (one.names.front() != "--help")
                 lines += fish_option(one, fmt::format(" -n '__ise_at {}'", command.name));
-        for (std::size_t at = 0; at < command.places.size(); ++at) {
-            const auto& place = command.places[at];
+        for (std::size_t at = 0; at < command.arguments.size(); ++at) {
+            const auto& place = command.arguments[at];
             if (!completes(place)) continue;
             if (place.names.front() == "FILE") {
                 lines += fmt::format("complete -c ise -n '__ise_at {} {}' -F\n", command.name, at);
@@ -183,10 +144,10 @@ std::string completion_script(const command_info& program, const std::string& sh
         "@CASES@", cases);
 }
 
-void declare_completion(CLI::App& app, parsed_command& made) {
+void declare_completion(command_line::app& app, parsed_command& made) {
     auto shell = std::make_shared<std::string>();
     app.add_option("SHELL", *shell, "bash, zsh or fish")->required()->check(one_of({"bash", "zsh", "fish"}));
-    app.callback([&app, &made, shell] { made.text = completion_script(info_of(*app.get_parent()), *shell); });
+    app.callback([&app, &made, shell] { made.text = completion_script(app.parent()->info(), *shell); });
 }
 
 } // namespace

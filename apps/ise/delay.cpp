@@ -148,7 +148,7 @@ task<> delay(context& in, delay_options options) {
     co_await measure(in, std::move(options.from), by);
 }
 
-void declare_delay(CLI::App& app, parsed_command& made) {
+void declare_delay(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<delay_options>();
     add_metering(app, given->from);
     app.add_option("--field", given->field,

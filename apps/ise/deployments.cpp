@@ -147,7 +147,7 @@ task<> check_starts(context& in, const deployment::deployment& wanted, fleet& of
     }
 }
 
-void add_file(CLI::App& app, deployment_options& into) {
+void add_file(command_line::app& app, deployment_options& into) {
     app.add_option("FILE", into.file, "a deployment file (docs/deployment.md)")->required();
     add_each(app, "--set,-s", into.set, "a variable of the file; several are allowed");
     add_each(app, "--move-from", into.move, "HOST is gone for good: its components run on OTHER; several are allowed",

@@ -20,7 +20,7 @@ struct deployment_options {
     bool offline = false;          ///< nobody is asked
 };
 /// FILE, `--set` and `--move-from`.
-void add_file(CLI::App& app, deployment_options& into);
+void add_file(command_line::app& app, deployment_options& into);
 
 /// The instantiation servers that are there, with what they tell.
 struct fleet {

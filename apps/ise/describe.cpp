@@ -240,7 +240,7 @@ task<> describe(context& in, describe_options options) {
     co_await in.out.write(in.self, std::move(text));
 }
 
-void declare_describe(CLI::App& app, parsed_command& made) {
+void declare_describe(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<describe_options>();
     add_component(app, given->name);
     app.add_flag("--all", given->all, "ISE's own services too");

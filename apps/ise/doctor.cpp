@@ -176,7 +176,7 @@ task<> doctor(context& in, doctor_options options) {
     co_await conclude(in, std::move(found), std::move(now));
 }
 
-void declare_doctor(CLI::App& app, parsed_command& made) {
+void declare_doctor(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<doctor_options>();
     add_time(app, "--interval", given->interval, "time between its two inspections (default: 800ms)");
     app.callback([&made, given] {

@@ -252,7 +252,7 @@ void complete_echo(echo_options& of) {
                       "packets of different services have different columns");
 }
 
-void declare_echo(CLI::App& app, parsed_command& made) {
+void declare_echo(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<echo_options>();
     add_subscription(app, given->what);
     app.get_option("SERVICE")->required(false)->description(

@@ -116,7 +116,7 @@ task<> graph(context& in, graph_options options) {
         if (!one.about) note(in.set, one.name.path + ": " + one.trouble);
 }
 
-void declare_graph(CLI::App& app, parsed_command& made) {
+void declare_graph(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<graph_options>();
     add_prefix(app, given->prefix);
     app.add_flag("--dot", given->dot, "for Graphviz: ise graph --dot | dot -Tsvg");

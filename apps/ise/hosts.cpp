@@ -215,7 +215,7 @@ task<> print_instance(context& in, std::string host, instantiation::instance_inf
     co_await in.out.write(in.self, std::move(text));
 }
 
-void add_host(CLI::App& app, std::string& host) {
+void add_host(command_line::app& app, std::string& host) {
     app.add_option("--host", host, "name of the host (default: the one that runs it)")->type_name("HOST");
 }
 

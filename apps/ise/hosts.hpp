@@ -59,7 +59,7 @@ std::string_view name_of(instantiation::instance_state state);
 task<> print_instance(context& in, std::string host, instantiation::instance_info what);
 
 /// The option `--host` of commands about an instance.
-void add_host(CLI::App& app, std::string& host);
+void add_host(command_line::app& app, std::string& host);
 
 /// Beside what a component may take by its own terms: a name that has to come free, and the way there and back.
 inline constexpr duration besides_own_terms = std::chrono::seconds(15);

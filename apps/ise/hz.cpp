@@ -88,7 +88,7 @@ private:
     duration longest_{};
 };
 
-void declare_hz(CLI::App& app, parsed_command& made) {
+void declare_hz(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<metering_options>();
     add_metering(app, *given);
     app.callback([&made, given] {

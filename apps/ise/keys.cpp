@@ -419,23 +419,23 @@ std::string show(const settings& set, const keys_options& given) {
 
 using keys_action = std::string (*)(const settings&, const keys_options&);
 
-CLI::App* add_action(CLI::App& app, parsed_command& made, const std::shared_ptr<keys_options>& given, const char* name,
-                     const char* summary, keys_action act) {
+command_line::app* add_action(command_line::app& app, parsed_command& made, const std::shared_ptr<keys_options>& given,
+                              const char* name, const char* summary, keys_action act) {
     auto* added = app.add_subcommand(name, summary);
     added->group("Actions");
     added->callback([&made, given, act] { made.text = act(made.set, *given); });
     return added;
 }
 
-void add_authority(CLI::App& to, keys_options& given) {
+void add_authority(command_line::app& to, keys_options& given) {
     to.add_option("--authority", given.authority, "its folder (default: authority)")->type_name("FOLDER");
 }
 
-void add_days(CLI::App& to, keys_options& given, const char* description) {
+void add_days(command_line::app& to, keys_options& given, const char* description) {
     to.add_option("--days", given.days, description)->type_name("N");
 }
 
-void declare_keys(CLI::App& app, parsed_command& made) {
+void declare_keys(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<keys_options>();
     app.require_subcommand(1);
     auto* ca = add_action(app, made, given, "ca", "makes an authority, which signs for a system", make_authority);

@@ -138,7 +138,7 @@ task<> list(context& in, list_options options) {
     note_nothing(in, options.prefix, known);
 }
 
-void declare_list(CLI::App& app, parsed_command& made) {
+void declare_list(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<list_options>();
     add_prefix(app, given->prefix);
     app.add_flag("--names", given->names, "only the paths");

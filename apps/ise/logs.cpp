@@ -72,7 +72,7 @@ task<> logs(context& in, logs_options options) {
     }
 }
 
-void declare_logs(CLI::App& app, parsed_command& made) {
+void declare_logs(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<logs_options>();
     app.add_option("INSTANCE", given->name, "its path: ise ps")->required();
     add_host(app, given->host);

@@ -55,7 +55,7 @@ task<> print_windows(context& in, duration window, std::optional<std::uint64_t> 
     }
 }
 
-void add_metering(CLI::App& app, metering_options& into) {
+void add_metering(command_line::app& app, metering_options& into) {
     add_subscription(app, into.what);
     add_time(app, "--window", into.window, "time of one line (default: 1s)");
     add_count(app, into.count, "end after N lines");

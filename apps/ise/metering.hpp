@@ -31,7 +31,7 @@ struct metering_options {
     duration window = std::chrono::seconds(1);
     std::optional<std::uint64_t> count; ///< windows until it ends
 };
-void add_metering(CLI::App& app, metering_options& into);
+void add_metering(command_line::app& app, metering_options& into);
 /// To be called when the command line was read.
 void complete_metering(metering_options& of, parsed_command& made);
 

@@ -187,7 +187,7 @@ task<> mock(context& in, mock_options options) {
     for (;;) co_await in.self.sleep(std::chrono::hours(1)); // until Ctrl-C
 }
 
-void declare_mock(CLI::App& app, parsed_command& made) {
+void declare_mock(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<mock_options>();
     add_stand_in(app, given->place);
     auto first = std::make_shared<std::pair<std::string, std::string>>();

@@ -26,8 +26,8 @@ std::string read_input() {
     return text;
 }
 
-CLI::Validator positive_count() {
-    auto check = [](std::string& word) {
+command_line::validator positive_count() {
+    auto check = [](const std::string& word) {
         std::uint64_t number = 0;
         auto [end, problem] = std::from_chars(word.data(), word.data() + word.size(), number);
         bool fits = problem == std::errc() && end == word.data() + word.size() && number > 0;
@@ -45,9 +45,10 @@ duration positive_time(const std::string& text, const std::string& option) {
 }
 
 template <class Into>
-CLI::Option* add_time_to(CLI::App& app, const std::string& name, Into& into, const std::string& description) {
+command_line::option* add_time_to(command_line::app& app, const std::string& name, Into& into,
+                                  const std::string& description) {
     auto read = [&into, name](const std::string& text) { into = positive_time(text, name); };
-    return app.add_option_function<std::string>(name, read, description)->type_name("TIME");
+    return app.add_option(name, read, description)->type_name("TIME");
 }
 
 } // namespace
@@ -57,27 +58,31 @@ std::string json_given(const std::string& text) {
     return text == "-" ? read_input() : text;
 }
 
-void add_component(CLI::App& app, std::string& name) { app.add_option("NAME", name, component_name)->required(); }
+void add_component(command_line::app& app, std::string& name) {
+    app.add_option("NAME", name, component_name)->required();
+}
 
-void add_prefix(CLI::App& app, std::string& prefix) {
+void add_prefix(command_line::app& app, std::string& prefix) {
     app.add_option("PREFIX", prefix, "only this path and what is below it");
 }
 
-CLI::Option* add_count(CLI::App& app, std::optional<std::uint64_t>& into, const std::string& description) {
+command_line::option* add_count(command_line::app& app, std::optional<std::uint64_t>& into,
+                                const std::string& description) {
     return app.add_option("--count,-n", into, description)->type_name("N")->check(positive_count());
 }
 
-CLI::Option* add_time(CLI::App& app, const std::string& name, duration& into, const std::string& description) {
+command_line::option* add_time(command_line::app& app, const std::string& name, duration& into,
+                               const std::string& description) {
     return add_time_to(app, name, into, description);
 }
 
-CLI::Option* add_time(CLI::App& app, const std::string& name, std::optional<duration>& into,
-                      const std::string& description) {
+command_line::option* add_time(command_line::app& app, const std::string& name, std::optional<duration>& into,
+                               const std::string& description) {
     return add_time_to(app, name, into, description);
 }
 
-CLI::Option* add_each(CLI::App& app, const std::string& name, std::vector<std::string>& into,
-                      const std::string& description, const std::string& type) {
+command_line::option* add_each(command_line::app& app, const std::string& name, std::vector<std::string>& into,
+                               const std::string& description, const std::string& type) {
     return app.add_option(name, into, description)->type_name(type)->allow_extra_args(false);
 }
 
@@ -89,12 +94,12 @@ std::pair<std::string, std::string> name_and_value(const std::string& text, std:
     return {text.substr(0, equals), text.substr(equals + 1)};
 }
 
-CLI::Validator one_of(std::vector<std::string> choices) {
-    auto name = "{" + CLI::detail::join(choices, ",") + "}"; // completion reads it
-    auto check = [choices = std::move(choices)](std::string& word) {
+command_line::validator one_of(std::vector<std::string> choices) {
+    auto name = fmt::format("{{{}}}", fmt::join(choices, ",")); // completion reads it
+    auto check = [choices = std::move(choices)](const std::string& word) {
         return std::ranges::find(choices, word) != choices.end()
                    ? std::string()
-                   : fmt::format("'{}' is none of {}", printable(word), CLI::detail::join(choices, ", "));
+                   : fmt::format("'{}' is none of {}", printable(word), fmt::join(choices, ", "));
     };
     return {check, name};
 }

@@ -1,8 +1,6 @@
 #pragma once
 #include "command.hpp"
 
-#include <CLI/CLI.hpp>
-
 #include <optional>
 #include <string>
 #include <string_view>
@@ -13,23 +11,25 @@ namespace ise::cli {
 
 inline constexpr const char* component_name = "path of a component, or endpoint such as tcp://127.0.0.1:7411";
 
-void add_component(CLI::App& app, std::string& name);
+void add_component(command_line::app& app, std::string& name);
 /// "only this path and what is below it"
-void add_prefix(CLI::App& app, std::string& prefix);
+void add_prefix(command_line::app& app, std::string& prefix);
 /// `-n`: a whole number from 1 on.
-CLI::Option* add_count(CLI::App& app, std::optional<std::uint64_t>& into, const std::string& description);
+command_line::option* add_count(command_line::app& app, std::optional<std::uint64_t>& into,
+                                const std::string& description);
 /// A time longer than nothing; else problem(usage).
-CLI::Option* add_time(CLI::App& app, const std::string& name, duration& into, const std::string& description);
-CLI::Option* add_time(CLI::App& app, const std::string& name, std::optional<duration>& into,
-                      const std::string& description);
+command_line::option* add_time(command_line::app& app, const std::string& name, duration& into,
+                               const std::string& description);
+command_line::option* add_time(command_line::app& app, const std::string& name, std::optional<duration>& into,
+                               const std::string& description);
 /// Texts NAME=VALUE, one with each time that the option is given.
-CLI::Option* add_each(CLI::App& app, const std::string& name, std::vector<std::string>& into,
-                      const std::string& description, const std::string& type = "NAME=VALUE");
+command_line::option* add_each(command_line::app& app, const std::string& name, std::vector<std::string>& into,
+                               const std::string& description, const std::string& type = "NAME=VALUE");
 /// The parts of such a text; problem(usage) that names the option.
 std::pair<std::string, std::string> name_and_value(const std::string& text, std::string_view option,
                                                    std::string_view type = "NAME=VALUE");
-/// As CLI::IsMember, for people: "'tcsh' is none of bash, zsh, fish".
-CLI::Validator one_of(std::vector<std::string> choices);
+/// As command_line::is_member, for people: "'tcsh' is none of bash, zsh, fish".
+command_line::validator one_of(std::vector<std::string> choices);
 
 /// What was given as a request: `{}` for nothing, standard input for `-`.
 std::string json_given(const std::string& text);

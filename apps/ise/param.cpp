@@ -142,13 +142,13 @@ task<> param(context& in, param_options options) {
     co_await in.out.write(in.self, std::move(text));
 }
 
-void declare_param(CLI::App& app, parsed_command& made) {
+void declare_param(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<param_options>();
     app.add_option("ACTION", given->act, "list, get or set")->required()->check(one_of({"get", "list", "set"}));
     add_component(app, given->name);
     app.add_option("PARAMETER", given->parameter, "of get and set: its name");
     auto read_value = [given](const std::string& text) { given->value = text; };
-    app.add_option_function<std::string>("VALUE", read_value, "of set: the new value");
+    app.add_option("VALUE", read_value, "of set: the new value");
     app.add_flag("--names", given->names, "of list: only the names");
     app.callback([&made, given] {
         made.patience = std::chrono::seconds(15);

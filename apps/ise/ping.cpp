@@ -120,12 +120,12 @@ task<> ping(context& in, ping_options options) {
     if (seen.count() == 0 && why) throw problem(*why, "is it busy or stopped? ise doctor looks at all");
 }
 
-void declare_ping(CLI::App& app, parsed_command& made) {
+void declare_ping(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<ping_options>();
     add_component(app, given->name);
     app.add_option("--count,-n", given->count, "number of requests (default: 5)")
         ->type_name("N")
-        ->check(CLI::Range(1u, 1'000'000u));
+        ->check(command_line::range(1u, 1'000'000u));
     add_time(app, "--every", given->every, "time between them (default: 200ms)");
     app.callback([&made, given] {
         made.looks = true;

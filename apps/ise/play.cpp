@@ -135,7 +135,7 @@ task<> play(context& in, play_options options) {
                   "name a program that has the command `replay`, such as atirma");
 }
 
-void declare_play(CLI::App& app, parsed_command& made) {
+void declare_play(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<play_options>();
     auto& what = given->what;
     app.add_option("FILE", what.file, "a recording")->required();
@@ -149,7 +149,7 @@ void declare_play(CLI::App& app, parsed_command& made) {
     app.add_option("--into", given->into,
                    "live: the running system; sim: components on the virtual clock, by `PROGRAM replay FILE ...`: the "
                    "program and its words follow (default: live)")
-        ->check(CLI::IsMember({"live", "sim"}));
+        ->check(command_line::is_member({"live", "sim"}));
     auto program = std::make_shared<std::vector<std::string>>();
     app.add_option("PROGRAM", *program, "with --into sim: the program that has the components, and its words after --")
         ->type_name("");

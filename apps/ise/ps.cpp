@@ -65,7 +65,7 @@ task<> ps(context& in, ps_options options) {
         note(in.set, "nothing was started by an instantiation server: ise start --types tells what could be");
 }
 
-void declare_ps(CLI::App& app, parsed_command& made) {
+void declare_ps(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<ps_options>();
     add_prefix(app, given->prefix);
     add_host(app, given->host);

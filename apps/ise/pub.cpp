@@ -77,7 +77,7 @@ task<> pub(context& in, pub_options options, std::vector<std::string> texts) {
     for (;;) co_await in.self.sleep(std::chrono::hours(1));
 }
 
-void declare_pub(CLI::App& app, parsed_command& made) {
+void declare_pub(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<pub_options>();
     add_stand_in(app, given->place);
     app.add_option("SERVICE", given->service, "name of a subscription service")->required();

@@ -97,7 +97,7 @@ task<> record(context& in, record_options options) {
     co_await in.out.write(in.self, std::move(text));
 }
 
-void declare_record(CLI::App& app, parsed_command& made) {
+void declare_record(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<record_options>();
     auto& what = given->what;
     app.add_option("PATH", what.paths, "components, each with those below it (default: all)");
@@ -112,13 +112,13 @@ void declare_record(CLI::App& app, parsed_command& made) {
     app.add_flag("--lossless", given->lossless,
                  "every packet, with flow control; a subscription that falls too far behind ends");
     app.add_option("--depth", what.depth, "packets queued at either end, 1 to 65536 (default: 1024)")
-        ->check(CLI::Range(1u, 65536u))
+        ->check(command_line::range(1u, 65536u))
         ->type_name("N");
     app.add_option("--compression", given->packing, "of the file: zstd, lz4 or none (default: zstd)")
         ->check(one_of({"zstd", "lz4", "none"}))
         ->type_name("KIND");
     app.add_option("--split-size", what.files.split_bytes, "a new file after so many bytes, such as 500MB")
-        ->transform(CLI::AsSizeValue(true))
+        ->as_size()
         ->type_name("SIZE");
     add_time(app, "--split-time", what.files.split_time, "a new file after this time");
     add_time(app, "--ring", what.ring, "keep only this time, in memory, until a trigger; then write it");

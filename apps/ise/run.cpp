@@ -59,7 +59,7 @@ task<> run_action(context& in, run_command_options options) {
     co_await in.out.write(in.self, std::move(line));
 }
 
-void declare_run(CLI::App& app, parsed_command& made) {
+void declare_run(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<run_command_options>();
     add_component(app, given->name);
     app.add_option("SERVICE", given->action, "name of an action")->required();

@@ -113,7 +113,7 @@ task<> look_at_all(context& in, services_options options, show_services show) {
     tell_silent(in, all, options.prefix);
 }
 
-std::shared_ptr<services_options> declare_for_all(CLI::App& app, parsed_command& made, show_services show) {
+std::shared_ptr<services_options> declare_for_all(command_line::app& app, parsed_command& made, show_services show) {
     auto given = std::make_shared<services_options>();
     add_prefix(app, given->prefix);
     app.add_flag("--all", given->all, "ISE's own services too");
@@ -148,9 +148,11 @@ task<> print_header(context& in, services_options options) {
     co_await in.out.write(in.self, cpp_header(parts));
 }
 
-void declare_services(CLI::App& app, parsed_command& made) { declare_for_all(app, made, show_lines<listed_services>); }
+void declare_services(command_line::app& app, parsed_command& made) {
+    declare_for_all(app, made, show_lines<listed_services>);
+}
 
-void declare_types(CLI::App& app, parsed_command& made) {
+void declare_types(command_line::app& app, parsed_command& made) {
     auto given = declare_for_all(app, made, show_lines<types_of>);
     app.add_flag("--cpp", given->cpp, "a C++ header with the packets and services that the components provide");
     app.callback([&made, given] {

@@ -81,7 +81,7 @@ std::optional<dynamic_contract> contract_at(const component_info& about, const s
 
 } // namespace
 
-void add_stand_in(CLI::App& app, stand_in_options& into) {
+void add_stand_in(command_line::app& app, stand_in_options& into) {
     app.add_option("PATH", into.path, "the path of the component whose place it takes")->required();
     app.add_option("--listen", into.listen, "where it listens (default: as every component)")->type_name("ENDPOINT");
     app.add_option("--types", into.types, "a file with lines of `ise type show NAME SERVICE --json`")

@@ -5,10 +5,6 @@
 
 #include <string>
 
-namespace CLI {
-class App;
-}
-
 /// Commands that provide services in the place of a component: `pub` and `mock`.
 namespace ise::cli {
 
@@ -20,7 +16,7 @@ struct stand_in_options {
     std::string like;   ///< a component that provides or needs the service
 };
 /// PATH and the options above. To be called with what `read_command_line` makes of them, too: `takes_place`.
-void add_stand_in(CLI::App& app, stand_in_options& into);
+void add_stand_in(command_line::app& app, stand_in_options& into);
 /// The command runs as the component `of.path`. Throws problem(usage).
 void takes_place(const stand_in_options& of, parsed_command& made);
 

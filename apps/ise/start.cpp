@@ -141,7 +141,7 @@ instantiation::restart_policy policy_of(const std::string& name) {
     return name == "always" ? always : name == "on-failure" ? on_failure : never;
 }
 
-void declare_start(CLI::App& app, parsed_command& made) {
+void declare_start(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<start_options>();
     app.add_option("TYPE", given->type, "type of the component: ise start --types");
     app.add_option("PATH", given->name, "its path (default: that of the type)");
@@ -173,7 +173,7 @@ void declare_start(CLI::App& app, parsed_command& made) {
         ->default_str("never");
     app.add_option("--restarts", given->terms.limit,
                    "maximum restarts within a minute, 0 to 1000; beyond, it has failed (default: 5)")
-        ->check(CLI::Range(0u, 1000u))
+        ->check(command_line::range(0u, 1000u))
         ->type_name("N");
     add_time(app, "--ready-within", given->terms.ready_within, "time limit of the start (default: 10s)");
     add_time(app, "--grace", given->terms.grace, "between SIGTERM and SIGKILL when it is stopped (default: 5s)");

@@ -40,7 +40,7 @@ task<> restart(context& in, instance_options options) {
 }
 
 template <task<> (*act)(context&, instance_options)>
-void declare_for_one(CLI::App& app, parsed_command& made) {
+void declare_for_one(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<instance_options>();
     app.add_option("INSTANCE", given->name, "its path: ise ps")->required();
     add_host(app, given->host);

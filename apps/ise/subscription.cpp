@@ -8,7 +8,7 @@
 
 namespace ise::cli {
 
-void add_subscription(CLI::App& app, subscribe_choice& what) {
+void add_subscription(command_line::app& app, subscribe_choice& what) {
     add_component(app, what.name);
     app.add_option("SERVICE", what.service, "name of a subscription service")->required();
     app.add_option("JSON", what.json, "subscribe request; - reads standard input (default: {})");
@@ -17,7 +17,7 @@ void add_subscription(CLI::App& app, subscribe_choice& what) {
                  "every packet, with flow control; a subscription that falls too far behind ends")
         ->excludes(latest);
     app.add_option("--depth", what.depth, "packets queued at either end, 1 to 65536 (default: 1024)")
-        ->check(CLI::Range(1u, 65536u))
+        ->check(command_line::range(1u, 65536u))
         ->type_name("N");
 }
 

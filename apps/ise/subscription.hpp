@@ -17,7 +17,7 @@ struct subscribe_choice {
     bool lossless = false;
     std::uint32_t depth = 1024;
 };
-void add_subscription(CLI::App& app, subscribe_choice& what);
+void add_subscription(command_line::app& app, subscribe_choice& what);
 
 /// Reaches the component and subscribes as the user chose; the rest of `terms` is the command's. `check` sees the
 /// service before, and may throw.

@@ -197,7 +197,7 @@ task<> top(context& in, top_options options) {
     co_await print_windows(in, options.every, options.count, pages);
 }
 
-void declare_top(CLI::App& app, parsed_command& made) {
+void declare_top(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<top_options>();
     add_prefix(app, given->prefix);
     add_time(app, "--every", given->every, "time between two looks (default: 1s)");

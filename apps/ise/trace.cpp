@@ -44,7 +44,7 @@ task<> trace(context& in, trace_options options) {
     co_await in.out.write(in.self, std::move(drawn));
 }
 
-void declare_trace(CLI::App& app, parsed_command& made) {
+void declare_trace(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<trace_options>();
     app.add_option("FILE", given->files, "that programs wrote (--traces FILE, ISE_TRACES); several are read as one")
         ->required();

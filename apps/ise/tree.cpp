@@ -128,7 +128,7 @@ task<> tree(context& in, tree_options options) {
     if (all.empty()) note_nothing(in, options.prefix);
 }
 
-void declare_tree(CLI::App& app, parsed_command& made) {
+void declare_tree(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<tree_options>();
     add_prefix(app, given->prefix);
     app.add_flag("--services", given->services, "their services too");

@@ -141,7 +141,7 @@ task<> type(context& in, type_options options) {
             "fields, enumerators and alternatives may be appended; anything else takes a service of another name");
 }
 
-void declare_type(CLI::App& app, parsed_command& made) {
+void declare_type(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<type_options>();
     app.add_option("ACTION", given->act, "show: the packets of a service; diff: compare those of two")
         ->required()

@@ -119,7 +119,7 @@ task<> diff(context& in, deployment_options options) {
     co_await in.out.write(in.self, std::move(text));
 }
 
-void declare_up(CLI::App& app, parsed_command& made) {
+void declare_up(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<deployment_options>();
     add_file(app, *given);
     app.add_flag("--keep", given->keep, "after a failure or an interruption, do not undo the steps");
@@ -130,7 +130,7 @@ void declare_up(CLI::App& app, parsed_command& made) {
     });
 }
 
-void declare_down(CLI::App& app, parsed_command& made) {
+void declare_down(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<deployment_options>();
     add_file(app, *given);
     app.add_option("INSTANCE", given->only, "only these components of the file");
@@ -140,7 +140,7 @@ void declare_down(CLI::App& app, parsed_command& made) {
     });
 }
 
-void declare_diff(CLI::App& app, parsed_command& made) {
+void declare_diff(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<deployment_options>();
     add_file(app, *given);
     app.add_option("INSTANCE", given->only, "only these components of the file, and their dependencies");

@@ -85,7 +85,7 @@ task<> validate(context& in, deployment_options options) {
     co_await in.out.write(in.self, std::move(text));
 }
 
-void declare_validate(CLI::App& app, parsed_command& made) {
+void declare_validate(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<deployment_options>();
     add_file(app, *given);
     app.add_flag("--offline", given->offline, "do not query hosts for types and parameters");

@@ -4,7 +4,7 @@
 namespace ise::cli {
 namespace {
 
-void declare_version(CLI::App& app, parsed_command& made) {
+void declare_version(command_line::app& app, parsed_command& made) {
     app.callback([&made] { made.text = "ise " ISE_VERSION "\n"; });
 }
 

@@ -9,8 +9,6 @@
 #include <ise/service/service_host.hpp>
 #include <ise/transport/tls/identity.hpp>
 
-#include <CLI/CLI.hpp>
-
 #include <fmt/format.h>
 
 #include <cstdio>
@@ -42,14 +40,15 @@ ise::duration duration_of(const std::string& text) {
     int used = 0;
     if (std::sscanf(text.c_str(), "%lf%2[a-z]%n", &value, unit, &used) != 2 ||
         static_cast<std::size_t>(used) != text.size())
-        throw CLI::ValidationError("--lease", fmt::format("'{}' is not a duration: write it like 2s or 500ms", text));
+        throw command_line::parse_error("--lease",
+                                        fmt::format("'{}' is not a duration: write it like 2s or 500ms", text));
     std::string name = unit;
     double scale_ns = name == "s" ? 1e9 : name == "ms" ? 1e6 : 0;
     if (scale_ns == 0)
-        throw CLI::ValidationError("--lease", fmt::format("'{}' has no unit that is known: s or ms", text));
+        throw command_line::parse_error("--lease", fmt::format("'{}' has no unit that is known: s or ms", text));
     double ns = value * scale_ns;
     if (!(ns >= 50e6 && ns <= 3600e9))
-        throw CLI::ValidationError("--lease", fmt::format("'{}' is not from 50ms to 3600s", text));
+        throw command_line::parse_error("--lease", fmt::format("'{}' is not from 50ms to 3600s", text));
     return ise::duration(static_cast<std::int64_t>(ns));
 }
 
@@ -86,10 +85,11 @@ std::shared_ptr<ise::server_memory> memory_of(const settings& wanted, ise::envir
 std::shared_ptr<ise::net::tls::identity> store_identity(const settings& wanted, ise::environment& env, bool over_tls) {
     const auto& files = wanted.store_tls;
     if (over_tls && files.authorities.empty())
-        throw CLI::ValidationError("--store", "etcds:// needs the authorities that sign its members: --store-ca-file");
+        throw command_line::parse_error("--store",
+                                        "etcds:// needs the authorities that sign its members: --store-ca-file");
     if (over_tls) return ise::net::tls::identity::load(env, files).value();
     if (!files.authorities.empty() || !files.certificate.empty())
-        throw CLI::ValidationError("--store", "must be etcds://… for --store-ca-file and --store-certificate");
+        throw command_line::parse_error("--store", "must be etcds://… for --store-ca-file and --store-certificate");
     return nullptr;
 }
 
@@ -98,7 +98,7 @@ std::optional<ise::etcd_options> store_of(const settings& wanted, ise::environme
     if (wanted.store.empty()) return std::nullopt;
     ise::etcd_options made;
     auto members = ise::parse_etcd_members(wanted.store);
-    if (!members) throw CLI::ValidationError("--store", members.error().message());
+    if (!members) throw command_line::parse_error("--store", members.error().message());
     made.members = std::move(*members);
     made.tls = store_identity(wanted, env, made.members.front().kind == ise::protocol::tls);
     made.user = wanted.store_user;
@@ -109,7 +109,8 @@ std::optional<ise::etcd_options> store_of(const settings& wanted, ise::environme
         made.password = *result;
     }
     if (!made.user.empty() && made.password.empty())
-        throw CLI::ValidationError("--store-user", "needs a password: --store-password-file, or ISE_STORE_PASSWORD");
+        throw command_line::parse_error("--store-user",
+                                        "needs a password: --store-password-file, or ISE_STORE_PASSWORD");
     return made;
 }
 
@@ -118,13 +119,13 @@ int run(const settings& wanted, ise::duration lease) {
     where.registers = false;
     for (const auto& text : wanted.listen) {
         auto at = ise::endpoint::parse(text);
-        if (!at) throw CLI::ValidationError("--listen", at.error().message());
+        if (!at) throw command_line::parse_error("--listen", at.error().message());
         where.listen.push_back(std::move(*at));
     }
     if (where.listen.empty()) where.listen.push_back(ise::default_name_server());
     for (const auto& text : wanted.advertise) {
         auto at = ise::endpoint::parse(text);
-        if (!at) throw CLI::ValidationError("--advertise", at.error().message());
+        if (!at) throw command_line::parse_error("--advertise", at.error().message());
         where.advertise.push_back(std::move(*at));
     }
 
@@ -166,9 +167,8 @@ int run(const settings& wanted, ise::duration lease) {
 } // namespace
 
 int main(int argc, char** argv) {
-    CLI::App app("Keeps the names of an ISE system: components register here and find each other by path.",
-                 "ise_name_server");
-    app.formatter(std::make_shared<wrapped_help>());
+    command_line::app app("Keeps the names of an ISE system: components register here and find each other by path.",
+                          "ise_name_server");
     settings wanted;
     app.add_option("--listen", wanted.listen,
                    "endpoint to listen on, such as tcp://0.0.0.0:7400; several are allowed (default " +
@@ -220,8 +220,8 @@ int main(int argc, char** argv) {
     try {
         app.parse(argc, argv);
         return run(wanted, duration_of(wanted.lease));
-    } catch (const CLI::ParseError& wrong) {
-        return exit_of(app, wrong);
+    } catch (const command_line::parse_error& wrong) {
+        return app.exit(wrong);
     } catch (const std::exception& thrown) {
         complain(thrown.what());
         return cannot_run;

@@ -3,13 +3,12 @@
 #include "report.hpp"
 #include "voyage.hpp"
 
-#include <apps/program_options.hpp>
+#include <apps/command_line.hpp>
 #include <apps/progress_line.hpp>
 #include <components/gui_client/console_state.hpp>
 
 #include <ise/core/complain.hpp>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -107,23 +106,27 @@ private:
 } // namespace
 
 int main(int argc, char** argv) {
-    CLI::App app(
+    command_line::app app(
         "Runs the whole of A-Tirma at sea for some hours on the virtual clock, with faults by the seed, and writes a "
-        "report that proves that nothing the shore had acknowledged was lost.");
-    app.formatter(std::make_shared<wrapped_help>());
+        "report that proves that nothing the shore had acknowledged was lost.",
+        "atirma_stress");
     std::uint64_t seed = 1;
     double hours = 10;
     std::string out, wind, record;
     app.add_option("--seed", seed, "random seed; the same seed gives the same report")->capture_default_str();
-    app.add_option("--hours", hours, "virtual hours")->check(CLI::Range(0.25, 100.0))->capture_default_str();
+    app.add_option("--hours", hours, "virtual hours")->check(command_line::range(0.25, 100.0))->capture_default_str();
     app.add_option(
            "--out", out,
            "folder for report.md, track.svg, track.gpx, events.log, and machine.md with the resources of this machine")
         ->required();
     app.add_option("--wind", wind, "recorded wind as CSV (t_s, tws_kn or tws_mps, twd_deg); default: by the seed")
-        ->check(CLI::ExistingFile);
+        ->check(command_line::existing_file());
     app.add_option("--record", record, "a recording (MCAP) of the packets and calls of the voyage, for a replay");
-    CLI11_PARSE(app, argc, argv);
+    try {
+        app.parse(argc, argv);
+    } catch (const command_line::parse_error& why) {
+        return app.exit(why);
+    }
     try {
         std::filesystem::create_directories(out);
         const std::filesystem::path folder(out);

@@ -1,14 +1,13 @@
 // The part of a mission on the real clock that is no process of the deployment; apps/demo --mission stress starts it.
 #include "mission.hpp"
 
-#include <apps/program_options.hpp>
+#include <apps/command_line.hpp>
 #include <apps/stress/report.hpp>
 
 #include <ise/core/complain.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/naming/services.hpp>
 
-#include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
 #include <csignal>
@@ -27,29 +26,29 @@ stress::mission_options::line line_of(const std::string& text) {
     auto first = text.find('='), second = text.find('=', first + 1);
     stress::mission_options::line made;
     if (first == std::string::npos || second == std::string::npos)
-        throw CLI::ValidationError("--line: expected WHICH=LINK=DEVICE, not " + text);
+        throw command_line::parse_error("--line", "expected WHICH=LINK=DEVICE, not " + text);
     made.which = text.substr(0, first);
     made.link = text.substr(first + 1, second - first - 1);
     made.device = text.substr(second + 1);
     if (made.which != "boat" && made.which != "shore" && made.which != "iridium")
-        throw CLI::ValidationError("--line: expected boat, shore or iridium, not " + made.which);
+        throw command_line::parse_error("--line", "expected boat, shore or iridium, not " + made.which);
     return made;
 }
 
 } // namespace
 
 int main(int argc, char** argv) {
-    CLI::App app("Runs the script and the operators of a mission on the real clock and writes its report. The caller, "
-                 "which starts the processes of "
-                 "the deployment, kills and starts them by the lines on standard output.");
-    app.formatter(std::make_shared<wrapped_help>());
+    command_line::app app(
+        "Runs the script and the operators of a mission on the real clock and writes its report. The caller, "
+        "which starts the processes of the deployment, kills and starts them by the lines on standard output.",
+        "atirma_mission");
     stress::mission_options options;
     double length_s = 600;
     std::string out, names;
     std::vector<std::string> lines;
     app.add_option("--seed", options.seed, "random seed of the plan")->capture_default_str();
     app.add_option("--for", length_s, "length in seconds, once the deployment is up")
-        ->check(CLI::Range(60.0, 86400.0))
+        ->check(command_line::range(60.0, 86400.0))
         ->capture_default_str();
     app.add_option("--out", out, "folder for report.md, track.svg and track.gpx")->required();
     app.add_option("--name-server", names, "its endpoint (default: ISE_NAME_SERVER)")->envname("ISE_NAME_SERVER");
@@ -62,7 +61,11 @@ int main(int argc, char** argv) {
     app.add_option("--boat-memory", options.boat_memory, "file of the boat's computer")->required();
     app.add_option("--page", options.page, "host:port of the page");
     app.add_option("--wind", options.wind, "description of the wind, for the report");
-    CLI11_PARSE(app, argc, argv);
+    try {
+        app.parse(argc, argv);
+    } catch (const command_line::parse_error& why) {
+        return app.exit(why);
+    }
     try {
         for (const auto& text : lines) options.lines.push_back(line_of(text));
         options.names = names.empty() ? ise::default_name_server() : ise::endpoint::parse(names).value();
@@ -96,7 +99,7 @@ int main(int argc, char** argv) {
         fmt::print("over {} on the real clock: {}; {}\n", stress::length_text(result.plan.length),
                    good ? "the proof holds" : "THE PROOF DOES NOT HOLD", (folder / "report.md").string());
         return good ? 0 : 1;
-    } catch (const CLI::Error& why) {
+    } catch (const command_line::parse_error& why) {
         complain(why.what());
         return 2;
     } catch (const std::exception& why) {
