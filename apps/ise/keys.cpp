@@ -161,6 +161,17 @@ std::string request(const settings& set, const keys_options& given) {
                                  in(folder, "key.pem")));
 }
 
+// A host may request any name. The operator names the one that it may have, by the folder or by --identity.
+void refuse_unexpected(const std::string& identity, const keys_options& given, const std::string& file) {
+    const auto folder = std::filesystem::absolute(file).parent_path().filename().string();
+    const auto last = identity.substr(identity.rfind('/') + 1);
+    if (given.identity.empty() ? last == folder : identity == given.identity) return;
+    throw problem(exit_code::failed, "identity",
+                  fmt::format("{} asks for {}, not for {}: it is not signed", file, identity,
+                              given.identity.empty() ? "a name that ends in /" + folder : given.identity),
+                  fmt::format("if its host may have that name: --identity {}", identity));
+}
+
 std::string issue(const settings& set, const keys_options& given) {
     auto valid = days_of(given, given.boat ? boat_days : shore_days);
     office by(given.authority);
@@ -174,10 +185,11 @@ std::string issue(const settings& set, const keys_options& given) {
                           "ise keys renew replaces one, with the same key");
         auto signed_now = now();
         auto made = about(file, [&] { return by.who.sign(read_public(file), signed_now, valid); });
+        auto known = pki::describe(made, target).front();
+        refuse_unexpected(known.identity, given, file);
         by.file(made);
         write_new(target, made, public_mode);
         replace(in(folder, "ca.pem"), by.who.trusted(), public_mode);
-        auto known = pki::describe(made, target).front();
         done_line line{"issue", target, known.identity, iso_8601(*known.until)};
         text += done_text(set, line, fmt::format("{} is for {} until {}", target, known.identity, *line.until));
     }
@@ -454,6 +466,9 @@ void declare_keys(command_line::app& app, parsed_command& made) {
     sign->add_option("REQUEST", given->what, "a request, or the folder with request.pem")->required();
     add_authority(*sign, *given);
     add_days(*sign, *given, "for which they are valid (default: 30)");
+    sign->add_option("--identity", given->identity,
+                     "the identity that the request must have (default: one that ends in the name of its folder)")
+        ->type_name("ISE://SYSTEM/NAME");
     sign->add_flag("--boat", given->boat, "valid for 400 days, for hosts that cannot be reached");
 
     auto* again = add_action(app, made, given, "renew",

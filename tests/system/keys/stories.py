@@ -7,6 +7,7 @@ openssl's own command is the second opinion.
 
 import json
 import os
+import shutil
 import stat
 import subprocess
 import sys
@@ -119,6 +120,14 @@ def refusals(folder):
     for wrong in ("a,DNS:b", "a/b", "a..b", ".a", "a b", "\u00e4"):
         refused(folder, 2, "is no name or address of a host", "request", "ise://robots/new", f"--host={wrong}")
     refused(folder, 2, "--days: from 1 to 36500, not 0", "ca", "other", "--authority", "new", "--days", "0")
+    (name,) = requested(folder, "admiral")
+    (folder / name).rename(folder / "visitor")
+    why = "visitor/request.pem asks for ise://robots/admiral, not for a name that ends in /visitor"
+    refused(folder, 1, why, "issue", "visitor")
+    refused(folder, 1, "not for ise://robots/visitor", "issue", "visitor", "--identity", "ise://robots/visitor")
+    expect("it was not signed", not (folder / "visitor/certificate.pem").exists())
+    keys(folder, "issue", "visitor", "--identity", "ise://robots/admiral")
+    shutil.rmtree(folder / "visitor")
     refused(folder, 1, "would outlive its authority", "issue", *requested(folder, "late"), "--days", "5000")
     refused(folder, 1, "'ghost' is no certificate, no folder with one, and nothing was issued to it", "revoke", "ghost")
     refused(folder, 1, "has nothing in PEM", "show", empty(folder))
