@@ -4,8 +4,8 @@
 #include <unistd.h>
 
 using namespace host_test;
+using ise::instantiation::instance_state;
 using ise_test::Contains;
-using state = ise::instantiation::instance_state;
 
 TEST_CASE("a component that was killed is started again, by its policy") {
     host here;
@@ -14,15 +14,15 @@ TEST_CASE("a component that was killed is started again, by its policy") {
     int other = here.start("sea/two")["process_id"]; // never
     event_watch events(here);
     ::kill(first, SIGKILL);
-    auto waiting = events.until("sea/one", state::waiting);
+    auto waiting = events.until("sea/one", instance_state::waiting);
     CHECK(waiting.reason == "signal 9 (Killed)");
-    auto again = events.until("sea/one", state::ready);
+    auto again = events.until("sea/one", instance_state::ready);
     CHECK(again.process_id != first);
     CHECK(again.restarts == 1);
     CHECK(here.json_of({"call", "sea/one", "ask", "--timeout", "60s"})["answer"] == 7);
 
     ::kill(other, SIGKILL);
-    auto failed = events.until("sea/two", state::failed);
+    auto failed = events.until("sea/two", instance_state::failed);
     CHECK(failed.reason == "signal 9 (Killed)");
     CHECK(here.state("sea/two")["state"] == "failed");
 }
