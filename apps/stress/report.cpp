@@ -1,5 +1,7 @@
 #include "report.hpp"
 
+#include "windows_report.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -165,7 +167,7 @@ void say_commands(text& out, const account& of) {
     }
     out.line("\nA console's telecommands are checked once a second, so the times are whole seconds. The nodes' "
              "record contains {} telecommands: these, and the nodes' own, which set the boat's authority.",
-             of.recorded);
+             of.recorded.size());
     auto late = late_executions(of);
     if (of.virtual_clock)
         out.line("\nThe boat executed {} telecommands, **{} of them after their validity**.", of.executed.size(),
@@ -297,7 +299,7 @@ bool holds(const account& of, const ledger::verdict& proof) {
     bool all_links =
         of.plan.length < 10min || std::ranges::all_of(proof.links, [](const auto& one) { return one.owed > 0; });
     return proof.holds && late_executions(of).empty() && all_links && page_whole && of.page.duplicates == 0 &&
-           of.page.malformed == 0 && std::ranges::all_of(of.consoles, &console_view::fix);
+           of.page.malformed == 0 && std::ranges::all_of(of.consoles, &console_view::fix) && windows_hold(of);
 }
 
 std::string make_report(const account& of, const findings& found, const ledger::verdict& proof) {
@@ -314,6 +316,7 @@ std::string make_report(const account& of, const findings& found, const ledger::
     say_packets(out, found);
     say_gaps(out, of, found);
     say_commands(out, of);
+    out.all += windows_text(of);
     say_troubles(out, of);
     say_samples(out, of);
     say_complaints(out, of);

@@ -5,7 +5,11 @@
 #include <apps/stress/wire_relay.hpp>
 #include <components/gui_client/gui_client.hpp>
 
+#include <ise/packet/json.hpp>
+
 #include <algorithm>
+#include <fstream>
+#include <iterator>
 #include <map>
 
 namespace atirma::stress {
@@ -15,6 +19,16 @@ using namespace std::chrono_literals;
 
 constexpr const char* script_path = "atirma/script";
 constexpr ise::duration min_long = 20min; // what is shorter has a plan of its own
+
+/// What it left; only its name where it left nothing.
+window_view view_of(const mission_options::window& one) {
+    std::ifstream in(one.file, std::ios::binary);
+    std::string text{std::istreambuf_iterator<char>(in), {}};
+    if (!text.empty()) return ise::from_json<window_view>(text);
+    window_view made;
+    made.name = one.name;
+    return made;
+}
 
 } // namespace
 
@@ -171,6 +185,7 @@ void mission::judge() {
 account mission::story() {
     auto made = told_;
     for (std::size_t i = 0; i < operators; ++i) made.consoles.push_back(view_of(told_.people[i].name, *consoles_[i]));
+    for (const auto& one : options_.windows) made.windows.push_back(view_of(one));
     auto disk = ise::database::open_to_read(options_.stores.at(0));
     made.sessions = book_.sessions();
     made.packets = packets_on(disk.value());

@@ -29,11 +29,17 @@ struct mission_options {
     std::string carrier_tcp, carrier_udp; ///< where the boat's calls go on to; empty: not
     std::vector<std::string> stores;      ///< the files of the two communication nodes, the primary's first
     std::string boat_memory;              ///< the file of the boat's computer
-    std::string page;                     ///< "127.0.0.1:8080": asked at the end what it has shown
+    /// An operator at a window of the console, and the file that is left when it has been told to leave.
+    struct window {
+        std::string name, file;
+    };
+    std::vector<window> windows;
+    std::string page; ///< "127.0.0.1:8080": asked at the end what it has shown
     ise::endpoint names;
     std::string wind; ///< in words, for the report
     ise::duration max_start = std::chrono::minutes(3), max_calm = std::chrono::minutes(5);
-    /// Tells who owns the processes: "ready tcp://… udp://…", "kill atirma/boat", "start atirma/boat".
+    /// Tells who owns the processes: "ready tcp://… udp://…", "kill atirma/boat", "start atirma/boat",
+    /// "leave NAME" of a window.
     std::function<void(const std::string&)> say;
 };
 
@@ -75,6 +81,7 @@ private:
         void end(const fault& what);
         void take_sample();
         bool nothing_owed();
+        bool windows_left();
         std::vector<event> timetable();
 
         mission& of_;

@@ -36,6 +36,13 @@ stress::mission_options::line line_of(const std::string& text) {
     return made;
 }
 
+/// "NAME=FILE".
+stress::mission_options::window window_of(const std::string& text) {
+    auto split = text.find('=');
+    if (split == std::string::npos) throw CLI::ValidationError("--window: expected NAME=FILE, not " + text);
+    return {text.substr(0, split), text.substr(split + 1)};
+}
+
 } // namespace
 
 int main(int argc, char** argv) {
@@ -46,7 +53,7 @@ int main(int argc, char** argv) {
     stress::mission_options options;
     double length_s = 600;
     std::string out, names;
-    std::vector<std::string> lines;
+    std::vector<std::string> lines, windows;
     app.add_option("--seed", options.seed, "random seed of the plan")->capture_default_str();
     app.add_option("--for", length_s, "length in seconds, once the deployment is up")
         ->check(CLI::Range(60.0, 86400.0))
@@ -60,11 +67,14 @@ int main(int argc, char** argv) {
         ->expected(2)
         ->required();
     app.add_option("--boat-memory", options.boat_memory, "file of the boat's computer")->required();
+    app.add_option("--window", windows,
+                   "NAME=FILE: an operator at a window, and what the window showed when it is left");
     app.add_option("--page", options.page, "host:port of the page");
     app.add_option("--wind", options.wind, "description of the wind, for the report");
     CLI11_PARSE(app, argc, argv);
     try {
         for (const auto& text : lines) options.lines.push_back(line_of(text));
+        for (const auto& text : windows) options.windows.push_back(window_of(text));
         options.names = names.empty() ? ise::default_name_server() : ise::endpoint::parse(names).value();
         options.length = std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(length_s));
         options.say = [](const std::string& line) {

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <filesystem>
 #include <set>
 
 namespace atirma::stress {
@@ -44,8 +45,9 @@ ise::task<> mission::script::run() {
     }
     co_await sleep_till(of_.began_ + plan.length);
     auto ended = of_.elapsed();
-    for (bool calm = nothing_owed(); !calm && of_.elapsed() - ended < of_.options_.max_calm; calm = nothing_owed())
-        co_await sleep(1s);
+    for (const auto& one : of_.options_.windows) of_.options_.say("leave " + one.name);
+    auto over = [this] { return windows_left() && nothing_owed(); };
+    for (bool calm = over(); !calm && of_.elapsed() - ended < of_.options_.max_calm; calm = over()) co_await sleep(1s);
     of_.told_.calm = of_.elapsed() - ended;
     co_await learn();
     of_.ask(task::over);
@@ -130,6 +132,10 @@ void mission::script::take_sample() {
     processes.erase(env().identity().process_id);
     measure(one, processes);
     of_.told_.samples.push_back(one);
+}
+
+bool mission::script::windows_left() {
+    return std::ranges::all_of(of_.options_.windows, [](const auto& one) { return std::filesystem::exists(one.file); });
 }
 
 bool mission::script::nothing_owed() {

@@ -87,6 +87,10 @@ TEST_CASE("demo: a minute's mission on the real clock, with links and processes 
     CHECK_THAT(out.read("report.md"), Contains("on the real clock") && Contains("**The proof holds") &&
                                           Contains("the primary communication node is killed") &&
                                           Contains("the boat's computer loses its power"));
+    if (std::filesystem::exists(ISE_BINARY_DIR "/bin/atirma_window_operator")) {
+        CHECK_THAT(out.read("report.md"), Contains("carla's window at the end: "));
+        CHECK(out.read("david.png").size() > 10'000);
+    }
     CHECK_THAT(out.read("track.svg"), Contains("</svg>"));
     CHECK_THAT(out.read("track.gpx"), Contains("<trkpt"));
 }
