@@ -111,7 +111,7 @@ void window_operator::give_telecommand() {
         auto what = std::move(next_.front());
         next_.pop_front();
         what();
-    } else if (dice_.chance(options_.steers ? 0.5 : 0.1)) {
+    } else if (dice_.chance(options_.steers ? 0.5 : 0.1) && !course_changes()) {
         steer_boat();
     } else {
         ask_boat();
@@ -135,10 +135,6 @@ void window_operator::ask_boat() {
 
 /// What only the holder of the authority may tell the boat; the console asks whether to take it.
 void window_operator::steer_boat() {
-    // Not while the course of the mission is changed by another operator.
-    auto part = static_cast<double>(since_start_.elapsed()) /
-                static_cast<double>(std::chrono::milliseconds(options_.length).count());
-    bool course_changes = part > 0.4 && part < 0.55;
     switch (dice_.below(8)) {
         case 0: next_.push_back([this] { click("mode_2"); }); return click("mode_1");
         case 1:
@@ -150,11 +146,18 @@ void window_operator::steer_boat() {
         case 5: // dangerous: the button of the question is held
             next_.push_back([this] { set_parameter("fence", 1); });
             return set_parameter("fence", 0);
-        case 6: return course_changes ? hands_.key(QKeySequence("Ctrl+T")) : upload();
+        case 6: return upload();
         default: // the authority itself
             path_ = {"*"};
             return click("command");
     }
+}
+
+/// Another operator changes the course in the middle of the mission, and needs the authority for it.
+bool window_operator::course_changes() const {
+    auto part = static_cast<double>(since_start_.elapsed()) /
+                static_cast<double>(std::chrono::milliseconds(options_.length).count());
+    return part > 0.4 && part < 0.7;
 }
 
 /// The boat's own list, sent again.

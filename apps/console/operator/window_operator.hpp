@@ -58,6 +58,7 @@ private:
     void choose_from(QMenu& menu);
     void read_list();
     bool any_open() const;
+    bool course_changes() const;
     void beat();
 
     void give_telecommand();
