@@ -13,8 +13,7 @@ struct shown_command {
     std::uint32_t id = 0;
     utc_time given{};
     std::optional<utc_time> ended;
-    std::string what, phase, words;
-    /// In the words of the list.
+    std::string what, phase, words; ///< phase: "done", "refused", "failed", "expired", "late", else it is open
     bool is_done() const { return phase == "done"; }
     bool is_refused() const { return (phase == "refused" || phase == "failed") && !words.empty(); }
     bool is_expired() const { return phase == "expired" || phase == "late"; }

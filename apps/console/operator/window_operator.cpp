@@ -258,7 +258,8 @@ void window_operator::read_list() {
         auto words = table->item(row, 1)->text();
         note.what = words.section('\n', 0, 0).toStdString();
         note.words = words.section('\n', 1).toStdString();
-        note.phase = table->item(row, 2)->text().section(' ', 1, 1).section(',', 0, 0).toStdString();
+        auto phase = table->item(row, 2)->text().section(' ', 1).section(',', 0, 0);
+        note.phase = phase == "too late" ? "late" : phase.toStdString();
         if (note.has_ended()) note.ended = time_shown(tip.captured(2));
     }
     unread_ = false;
