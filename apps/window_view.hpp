@@ -14,6 +14,7 @@ struct shown_command {
     utc_time given{};
     std::optional<utc_time> ended;
     std::string what, phase, words; ///< phase: "done", "refused", "failed", "expired", "late", else it is open
+    bool accepted = false;          ///< it was seen in a state that follows from the word of a node
     bool is_done() const { return phase == "done"; }
     bool is_refused() const { return (phase == "refused" || phase == "failed") && !words.empty(); }
     bool is_expired() const { return phase == "expired" || phase == "late"; }

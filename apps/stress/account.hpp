@@ -59,6 +59,7 @@ struct account {
     std::uint64_t seed = 0;
     voyage_plan plan;
     bool virtual_clock = true;
+    bool database = false;   ///< both nodes keep everything in one database
     std::string wind;        ///< in words
     double xbee_range_m = 0; ///< from the short-range node; beyond, nothing is heard; 0: no such limit
     ise::wall_time began{};

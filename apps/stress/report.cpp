@@ -53,9 +53,8 @@ void say_proof(text& out, const account& of, const ledger::verdict& proof) {
     out.line("Recorded on the boat's own wires, not reported by the components: XBee and GPRS by the shore's receipts, "
              "Iridium "
              "by the sessions that the gateway accepted.");
-    out.line("*Owed* are the packets that the shore had acknowledged by the end; all of them must be on the disks of "
-             "both communication "
-             "nodes.\n");
+    out.line("*Owed* are the packets that the shore had acknowledged by the end; all of them must be {}.\n",
+             of.database ? "in the database of the communication nodes" : "on the disks of both communication nodes");
     out.line("| link | sent by the boat | acknowledged by the modem or the shore | owed | missing |");
     out.line("|---|---:|---:|---:|---:|");
     for (std::size_t i = 0; i < link_count; ++i) {
@@ -64,9 +63,9 @@ void say_proof(text& out, const account& of, const ledger::verdict& proof) {
             proof.missing, [&](const auto& missed) { return missed.what.link == static_cast<link_id>(i); });
         out.line("| {} | {} | {} | {} | {} |", link_names[i], one.sent, one.acknowledged, one.owed, missing);
     }
-    out.line("\nOn one disk only: {}. On the disks and not seen on a wire: {}. After the end it took {} of calm until "
-             "no packet was owed.",
-             proof.only_on_one, proof.unheard, length_text(of.calm));
+    if (of.database) out.line("\nIn the database and not seen on a wire: {}.", proof.unheard);
+    else out.line("\nOn one disk only: {}. On the disks and not seen on a wire: {}.", proof.only_on_one, proof.unheard);
+    out.line("After the end it took {} of calm until no packet was owed.", length_text(of.calm));
     std::size_t count = 0;
     for (const auto& missing : proof.missing) {
         if (++count > 50) {

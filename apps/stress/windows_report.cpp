@@ -15,10 +15,8 @@ using namespace std::chrono_literals;
 
 constexpr ise::duration long_stall = 1s;
 
-/// A node refuses before it records; all others were recorded before they were sent to the boat.
-bool is_unknown(const account& of, const shown_command& one) {
-    return !one.is_refused() && !of.recorded.contains(one.id);
-}
+/// A node records before it accepts. The others were refused, or expired without having reached a node.
+bool is_unknown(const account& of, const shown_command& one) { return one.accepted && !of.recorded.contains(one.id); }
 
 bool holds(const account& of, const window_view& window) {
     return window.left && window.fix && window.commands.size() >= window.given &&

@@ -260,6 +260,7 @@ void window_operator::read_list() {
         note.words = words.section('\n', 1).toStdString();
         auto phase = table->item(row, 2)->text().section(' ', 1).section(',', 0, 0);
         note.phase = phase == "too late" ? "late" : phase.toStdString();
+        note.accepted = note.accepted || QStringList{"queued", "sent", "done", "too late"}.contains(phase);
         if (note.has_ended()) note.ended = time_shown(tip.captured(2));
     }
     unread_ = false;

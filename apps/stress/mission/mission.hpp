@@ -1,4 +1,6 @@
 #pragma once
+#include "shore_stores.hpp"
+
 #include <apps/stress/account.hpp>
 #include <apps/stress/taps.hpp>
 #include <apps/stress/troubles.hpp>
@@ -27,7 +29,7 @@ struct mission_options {
     };
     std::vector<line> lines;
     std::string carrier_tcp, carrier_udp; ///< where the boat's calls go on to; empty: not
-    std::vector<std::string> stores;      ///< the files of the two communication nodes, the primary's first
+    std::vector<std::string> stores;      ///< of the communication nodes: see shore_stores
     std::string boat_memory;              ///< the file of the boat's computer
     /// An operator at a window of the console, and the file that is left when it has been told to leave.
     struct window {
@@ -39,7 +41,7 @@ struct mission_options {
     std::string wind; ///< in words, for the report
     ise::duration max_start = std::chrono::minutes(3), max_calm = std::chrono::minutes(5);
     /// Tells who owns the processes: "ready tcp://… udp://…", "kill atirma/boat", "start atirma/boat",
-    /// "leave NAME" of a window.
+    /// "stop database", "continue database", "leave NAME" of a window.
     std::function<void(const std::string&)> say;
 };
 
@@ -89,7 +91,8 @@ private:
     };
 
     bool work();
-    void judge();
+    /// False: what is stored cannot be read now.
+    bool judge();
     void start_lines();
     void start_operator(std::size_t which);
     void stop_operator(std::size_t which);
@@ -100,6 +103,7 @@ private:
     std::array<std::shared_ptr<console::operator_port>, operators> consoles();
 
     mission_options options_;
+    shore_stores stores_;
     account told_;
     ledger book_;
     ledger::verdict proof_;

@@ -63,8 +63,9 @@ int main(int argc, char** argv) {
     app.add_option("--line", lines, "WHICH=LINK=DEVICE: a serial line that is recorded (boat, shore, iridium)");
     app.add_option("--carrier-tcp", options.carrier_tcp, "where the boat's connections are relayed");
     app.add_option("--carrier-udp", options.carrier_udp, "where the boat's datagrams are relayed");
-    app.add_option("--store", options.stores, "files of the communication nodes, the primary's first")
-        ->expected(2)
+    app.add_option("--store", options.stores,
+                   "files of the communication nodes, the primary's first, or the URL of their database")
+        ->expected(1, 2)
         ->required();
     app.add_option("--boat-memory", options.boat_memory, "file of the boat's computer")->required();
     app.add_option("--window", windows,

@@ -95,6 +95,21 @@ TEST_CASE("demo: a minute's mission on the real clock, with links and processes 
     CHECK_THAT(out.read("track.gpx"), Contains("<trkpt"));
 }
 
+TEST_CASE("demo: a minute's mission whose nodes share a PostgreSQL that crashes and is stopped loses nothing") {
+    if (!std::filesystem::exists("/usr/lib/postgresql")) return ise_test::skip("PostgreSQL is not installed");
+    folder out;
+    auto result = run_demo({"--mission", "stress", "--store", "postgresql", "--for", "60s", "--seed", "3", "--speedup",
+                            "4", "--port", "0", "--out", out.at.string()});
+    INFO(result.out);
+    INFO(result.err);
+    INFO(out.read("report.md"));
+    CHECK(result.exit_code == 0);
+    CHECK_THAT(result.out, Contains("the proof holds"));
+    CHECK_THAT(out.read("report.md"), Contains("must be in the database") &&
+                                          Contains("the nodes' database server crashes") &&
+                                          Contains("the nodes' database server is stopped"));
+}
+
 TEST_CASE("demo: what keeps it from starting is told at once, with the word of the process that knows why") {
     folder in;
     std::ofstream(in.at / "bad.csv") << "t_s,tws_mps,twd_deg\n0,6,40\n10,x,50\n";
