@@ -17,9 +17,9 @@ class Option;
 /// it takes seconds in each file that includes it. What options are read into outlives the parse.
 namespace command_line {
 
-/// What a value has to be.
+/// A condition that a value has to meet.
 struct validator {
-    std::function<std::string(const std::string&)> fault; ///< what is wrong with it; empty: nothing
+    std::function<std::string(const std::string&)> fault; ///< why a value is refused; empty: it is accepted
     std::string description;                              ///< in the help; empty: not there
 };
 validator range(int low, int high);
@@ -71,7 +71,7 @@ struct command_info {
     std::vector<command_info> commands;
 };
 
-/// The command line is not to be obeyed.
+/// Why a command line is not executed: it is wrong, or asks for help or the version.
 class parse_error : public std::runtime_error {
 public:
     enum class reason {

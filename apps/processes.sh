@@ -16,13 +16,13 @@ seconds_of() {
     echo "$seconds"
 }
 
-# read_options WORD...: into length, wind, speedup, port, verbose, mission, seed, out and boats.
+# read_options WORD...: into length, wind, speedup, port, verbose, mission, seed, store, out and boats.
 read_options() {
-    length='' wind='' speedup=1 port='' verbose=false mission='' seed='' out='' boats=1
+    length='' wind='' speedup=1 port='' verbose=false mission='' seed='' store=sqlite out='' boats=1
     while (($#)); do
         case "$1" in
             --verbose) verbose=true; shift; continue ;;
-            --for | --wind | --speedup | --port | --mission | --seed | --out | --boats) (($# >= 2)) || refuse "$1 needs a value" ;;
+            --for | --wind | --speedup | --port | --mission | --seed | --store | --out | --boats) (($# >= 2)) || refuse "$1 needs a value" ;;
             *) refuse "unknown argument: $1" ;;
         esac
         case "$1" in
@@ -47,6 +47,10 @@ read_options() {
                 [[ "$2" =~ ^[0-9]{1,18}$ ]] || refuse "--seed takes a number, not '$2'"
                 seed="$2"
                 ;;
+            --store)
+                [[ "$2" == sqlite || "$2" == postgresql ]] || refuse "--store takes sqlite or postgresql, not '$2'"
+                store="$2"
+                ;;
             --boats)
                 [[ "$2" =~ ^[0-9]{1,2}$ ]] && ((10#$2 >= 1 && 10#$2 <= 30)) || refuse "--boats takes 1 to 30, not '$2'"
                 boats="$((10#$2))"
@@ -58,7 +62,7 @@ read_options() {
         esac
         shift 2
     done
-    [[ -n "$mission" || -z "$seed$out" ]] || refuse "--seed and --out belong to --mission stress"
+    [[ -n "$mission" || "$seed$store$out" == sqlite ]] || refuse "--seed, --store and --out belong to --mission stress"
     [[ -z "$mission" || "$boats" == 1 ]] || refuse "--mission stress has one boat"
 }
 

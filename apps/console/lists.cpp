@@ -15,6 +15,8 @@
 #include <QTableWidget>
 #include <QVBoxLayout>
 
+#include <utility>
+
 namespace atirma::console {
 namespace {
 
@@ -52,8 +54,9 @@ command_list::command_list(std::function<void(std::uint32_t)> call_back, QWidget
     table_->setColumnWidth(3, 86);
     table_->horizontalHeader()->setStretchLastSection(false);
     table_->horizontalHeader()->setSectionResizeMode(1, QHeaderView::Stretch);
-    table_->verticalHeader()->setSectionResizeMode(QHeaderView::ResizeToContents);
     table_->setWordWrap(true);
+    // Not ResizeToContents, which measures all rows again for each changed cell.
+    connect(table_->horizontalHeader(), &QHeaderView::sectionResized, table_, &QTableWidget::resizeRowsToContents);
     table_->setAccessibleName(tr("Telecommands"));
     empty_ = new QLabel(tr("No telecommand yet"), this);
     empty_->setAlignment(Qt::AlignCenter);
@@ -86,20 +89,31 @@ void command_list::offer() {
     back_->setEnabled(one && one->may_be_called_back());
 }
 
+/// New ones come at the top: the rows below move with their heights.
+void command_list::make_rows(const std::vector<command_entry>& before) {
+    std::size_t fresh = 0;
+    if (!before.empty())
+        while (fresh < shown_->size() && shown_->at(shown_->size() - 1 - fresh).id != before.back().id) ++fresh;
+    if (fresh < shown_->size())
+        for (; fresh > 0; --fresh) table_->insertRow(0);
+    table_->setRowCount(static_cast<int>(shown_->size()));
+}
+
 void command_list::show_snapshot(const snapshot& seen, utc_time now) {
     bool runs = counts_ && std::chrono::abs(now - shown_at_) >= std::chrono::seconds(1);
     if (shown_ == seen.commands && !runs) return;
     const auto* before = chosen();
     auto chosen_id = before ? before->id : 0;
-    shown_ = seen.commands;
+    auto shown_before = std::exchange(shown_, seen.commands);
     shown_at_ = now;
     counts_ = false;
     const auto& t = colours();
     table_->setVisible(!shown_->empty());
     empty_->setVisible(shown_->empty());
-    table_->setRowCount(static_cast<int>(shown_->size()));
+    make_rows(shown_before ? *shown_before : std::vector<command_entry>());
     int row = 0;
     for (auto it = shown_->rbegin(); it != shown_->rend(); ++it, ++row) {
+        auto before_texts = texts_of(row);
         auto tip = tr("%1\nid %2, %n attempt(s), last change %3", nullptr, static_cast<int>(it->attempts))
                        .replace("(s)", it->attempts == 1 ? "" : "s")
                        .arg(text(it->path))
@@ -120,9 +134,19 @@ void command_list::show_snapshot(const snapshot& seen, utc_time now) {
         set_cell(table_, row, 3, by, it->own ? t.ink2 : t.accent,
                  (it->own ? tr("sent from this console") : tr("sent by: %1").arg(text(it->asked_by))) + "\n" +
                      verified + "\n" + text(it->path));
+        if (texts_of(row) != before_texts) table_->resizeRowToContents(row);
         if (it->id == chosen_id) table_->setCurrentCell(row, 0);
     }
     offer();
+}
+
+QStringList command_list::texts_of(int row) const {
+    QStringList made;
+    for (int column = 0; column < table_->columnCount(); ++column) {
+        const auto* item = table_->item(row, column);
+        made << (item ? item->text() : QString());
+    }
+    return made;
 }
 
 present_list::present_list(QWidget* parent) : QWidget(parent) {

@@ -47,9 +47,11 @@ std::set<packet_key> keys_at_boat(ise::database& memory) {
     return made;
 }
 
-std::uint64_t commands_on(ise::database& disk) {
-    auto rows = disk.query("SELECT COUNT(*) FROM commands");
-    return static_cast<std::uint64_t>(rows.value().at(0).integer(0));
+std::set<std::uint32_t> commands_on(ise::database& disk) {
+    auto rows = disk.query("SELECT id FROM commands");
+    std::set<std::uint32_t> made;
+    for (const auto& row : rows.value()) made.insert(static_cast<std::uint32_t>(row.integer(0)));
+    return made;
 }
 
 std::vector<telemetry_packet> packets_on(ise::database& disk) {

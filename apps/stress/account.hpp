@@ -3,10 +3,13 @@
 #include "operator_seat.hpp"
 #include "plan.hpp"
 
+#include <apps/window_view.hpp>
+
 #include <ise/database/database.hpp>
 
 #include <array>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -56,6 +59,7 @@ struct account {
     std::uint64_t seed = 0;
     voyage_plan plan;
     bool virtual_clock = true;
+    bool database = false;   ///< both nodes keep everything in one database
     std::string wind;        ///< in words
     double xbee_range_m = 0; ///< from the short-range node; beyond, nothing is heard; 0: no such limit
     ise::wall_time began{};
@@ -64,12 +68,13 @@ struct account {
     std::vector<sample> samples;
     std::array<operator_record, operators> people;
     std::vector<console_view> consoles;
+    std::vector<window_view> windows;                ///< real clock: of the operators at windows
     std::map<std::string, std::uint64_t> complaints; ///< warnings and errors, with how often they came
     ise::duration calm{};                            ///< after the end, until nothing was owed any more
     std::size_t set_back = 0;                        ///< times that a backup was put in the place of a node's disk
     shown_page page;
     std::vector<executed_command> executed; ///< virtual clock: by the boat, as they were
-    std::uint64_t recorded = 0;             ///< telecommands in the primary node's record
+    std::set<std::uint32_t> recorded;       ///< ids of the telecommands in the primary node's record
     double sailed_m = 0;
     std::vector<telemetry_packet> packets; ///< of the primary node's disk, in the order of the boat's measurements
 };
@@ -87,7 +92,7 @@ std::vector<telemetry_packet> packets_on(ise::database& disk);
 std::set<packet_key> keys_on(ise::database& disk);
 /// What the boat's computer keeps of what it sent, until the shore has it.
 std::set<packet_key> keys_at_boat(ise::database& memory);
-/// How many telecommands are on record there.
-std::uint64_t commands_on(ise::database& disk);
+/// Which telecommands are on record there.
+std::set<std::uint32_t> commands_on(ise::database& disk);
 
 } // namespace atirma::stress

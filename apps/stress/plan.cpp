@@ -121,6 +121,9 @@ voyage_plan begin_plan(generator& dice, ise::duration length) {
     return made;
 }
 void finish_plan(voyage_plan& made, generator& dice) {
+    for (auto& one : made.faults)
+        if (one.what == trouble::database_crashed || one.what == trouble::database_stopped)
+            one.length = std::min<ise::duration>(one.length, 30s);
     std::stable_sort(made.faults.begin(), made.faults.end(),
                      [](const fault& a, const fault& b) { return a.at < b.at; });
     give_orders(made, dice);
@@ -128,7 +131,7 @@ void finish_plan(voyage_plan& made, generator& dice) {
 
 } // namespace
 
-voyage_plan make_plan(std::uint64_t seed, ise::duration length) {
+voyage_plan make_plan(std::uint64_t seed, ise::duration length, bool database) {
     generator dice(seed, "plan");
     auto made = begin_plan(dice, length);
     const auto hours = static_cast<std::size_t>(std::chrono::duration_cast<std::chrono::hours>(length).count());
@@ -139,10 +142,12 @@ voyage_plan make_plan(std::uint64_t seed, ise::duration length) {
     away.length = part_of(length, between(dice, 0.06, 0.10));
     made.faults.push_back(away);
     // Nodes more often than the others, and every other time with an older disk.
-    fill(made, dice,
-         {primary_killed, secondary_killed, names_restarted, xbee_proxy_crashed, gprs_proxy_crashed,
-          iridium_proxy_crashed, page_crashed, boat_killed, primary_set_back, secondary_set_back},
-         std::max<std::size_t>(10, hours + 4), 8min);
+    std::vector victims{primary_killed,     secondary_killed,      names_restarted, xbee_proxy_crashed,
+                        gprs_proxy_crashed, iridium_proxy_crashed, page_crashed,    boat_killed,
+                        primary_set_back,   secondary_set_back};
+    if (database) victims.insert(victims.end(), {database_crashed, database_stopped});
+    const auto slots = std::max<std::size_t>(victims.size(), hours + 4);
+    fill(made, dice, std::move(victims), slots, 8min);
     fill(made, dice, {carrier_down, carrier_drops, carrier_half_open, carrier_moves, carrier_slow},
          std::max<std::size_t>(5, hours * 3 / 2), 15min);
     fill(made, dice, {sky_closed, sky_fails, gateway_down}, std::max<std::size_t>(3, hours / 2), 25min);
@@ -152,7 +157,7 @@ voyage_plan make_plan(std::uint64_t seed, ise::duration length) {
     return made;
 }
 
-voyage_plan make_short_plan(std::uint64_t seed, ise::duration length) {
+voyage_plan make_short_plan(std::uint64_t seed, ise::duration length, bool database) {
     generator dice(seed, "plan");
     auto made = begin_plan(dice, length);
     made.iridium_period_s = std::clamp(std::chrono::duration<double>(length).count() / 6, 10.0, 60.0);
@@ -174,8 +179,10 @@ voyage_plan make_short_plan(std::uint64_t seed, ise::duration length) {
     // Processes, one after the other, in an order of the dice.
     std::vector<trouble> victims{primary_killed, names_restarted, secondary_killed,
                                  page_crashed,   boat_killed,     gprs_proxy_crashed};
+    if (database) victims.insert(victims.end(), {database_crashed, database_stopped});
     shuffle(dice, victims);
-    for (std::size_t i = 0; i < victims.size(); ++i) add(victims[i], 0.14 + 0.13 * static_cast<double>(i), 0.06);
+    const double apart = 0.78 / static_cast<double>(victims.size());
+    for (std::size_t i = 0; i < victims.size(); ++i) add(victims[i], 0.14 + apart * static_cast<double>(i), 0.06);
     finish_plan(made, dice);
     return made;
 }

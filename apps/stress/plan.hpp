@@ -32,14 +32,16 @@ enum class trouble : std::uint8_t {
     gprs_proxy_crashed,
     iridium_proxy_crashed,
     page_crashed,
-    boat_killed,   ///< its computer loses its power; it calls by datagrams in every other life
-    operator_away, ///< the first operator leaves, and comes back
+    database_crashed, ///< the nodes' database is killed, and started again
+    database_stopped, ///< it answers nothing for up to 30 s
+    boat_killed,      ///< its computer loses its power; it calls by datagrams in every other life
+    operator_away,    ///< the first operator leaves, and comes back
 };
 /// "the carrier is down".
 std::string_view describe(trouble what) noexcept;
 /// Over which link it is felt; nothing where it is none of them, or all.
 std::optional<link_id> felt_over(trouble what) noexcept;
-/// Whether a process is killed.
+/// Whether a process is killed or stopped.
 constexpr bool kills(trouble what) noexcept { return what >= trouble::primary_killed && what <= trouble::boat_killed; }
 
 struct fault {
@@ -69,9 +71,10 @@ inline constexpr std::size_t operators = 2;
 
 /// What happens in a run of that length, by the seed: each trouble at least once, longer runs more of it. Processes are
 /// killed one at a time, and the next one only when the last one had time to come back; links suffer at any time.
-voyage_plan make_plan(std::uint64_t seed, ise::duration length);
+/// `database`: the nodes share one, which fails, too.
+voyage_plan make_plan(std::uint64_t seed, ise::duration length, bool database = false);
 /// The same for less than twenty minutes, down to one: fewer troubles, one of each kind, at most one process down at a
 /// time. What processes on one machine cannot be made to suffer is left out.
-voyage_plan make_short_plan(std::uint64_t seed, ise::duration length);
+voyage_plan make_short_plan(std::uint64_t seed, ise::duration length, bool database = false);
 
 } // namespace atirma::stress

@@ -1,5 +1,7 @@
 #include "report.hpp"
 
+#include "windows_report.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -51,9 +53,8 @@ void say_proof(text& out, const account& of, const ledger::verdict& proof) {
     out.line("Recorded on the boat's own wires, not reported by the components: XBee and GPRS by the shore's receipts, "
              "Iridium "
              "by the sessions that the gateway accepted.");
-    out.line("*Owed* are the packets that the shore had acknowledged by the end; all of them must be on the disks of "
-             "both communication "
-             "nodes.\n");
+    out.line("*Owed* are the packets that the shore had acknowledged by the end; all of them must be {}.\n",
+             of.database ? "in the database of the communication nodes" : "on the disks of both communication nodes");
     out.line("| link | sent by the boat | acknowledged by the modem or the shore | owed | missing |");
     out.line("|---|---:|---:|---:|---:|");
     for (std::size_t i = 0; i < link_count; ++i) {
@@ -62,9 +63,9 @@ void say_proof(text& out, const account& of, const ledger::verdict& proof) {
             proof.missing, [&](const auto& missed) { return missed.what.link == static_cast<link_id>(i); });
         out.line("| {} | {} | {} | {} | {} |", link_names[i], one.sent, one.acknowledged, one.owed, missing);
     }
-    out.line("\nOn one disk only: {}. On the disks and not seen on a wire: {}. After the end it took {} of calm until "
-             "no packet was owed.",
-             proof.only_on_one, proof.unheard, length_text(of.calm));
+    if (of.database) out.line("\nIn the database and not seen on a wire: {}.", proof.unheard);
+    else out.line("\nOn one disk only: {}. On the disks and not seen on a wire: {}.", proof.only_on_one, proof.unheard);
+    out.line("After the end it took {} of calm until no packet was owed.", length_text(of.calm));
     std::size_t count = 0;
     for (const auto& missing : proof.missing) {
         if (++count > 50) {
@@ -165,7 +166,7 @@ void say_commands(text& out, const account& of) {
     }
     out.line("\nA console's telecommands are checked once a second, so the times are whole seconds. The nodes' "
              "record contains {} telecommands: these, and the nodes' own, which set the boat's authority.",
-             of.recorded);
+             of.recorded.size());
     auto late = late_executions(of);
     if (of.virtual_clock)
         out.line("\nThe boat executed {} telecommands, **{} of them after their validity**.", of.executed.size(),
@@ -297,7 +298,7 @@ bool holds(const account& of, const ledger::verdict& proof) {
     bool all_links =
         of.plan.length < 10min || std::ranges::all_of(proof.links, [](const auto& one) { return one.owed > 0; });
     return proof.holds && late_executions(of).empty() && all_links && page_whole && of.page.duplicates == 0 &&
-           of.page.malformed == 0 && std::ranges::all_of(of.consoles, &console_view::fix);
+           of.page.malformed == 0 && std::ranges::all_of(of.consoles, &console_view::fix) && windows_hold(of);
 }
 
 std::string make_report(const account& of, const findings& found, const ledger::verdict& proof) {
@@ -314,6 +315,7 @@ std::string make_report(const account& of, const findings& found, const ledger::
     say_packets(out, found);
     say_gaps(out, of, found);
     say_commands(out, of);
+    out.all += windows_text(of);
     say_troubles(out, of);
     say_samples(out, of);
     say_complaints(out, of);

@@ -39,6 +39,11 @@ deed killing(std::string path) {
     made.process = std::move(path);
     return made;
 }
+deed stopping(std::string path) {
+    auto made = killing(std::move(path));
+    made.stops = true;
+    return made;
+}
 deed telling(director::job begin, director::job end = {}) {
     deed made;
     made.begin = std::move(begin);
@@ -72,6 +77,8 @@ std::string_view describe(trouble what) noexcept {
         case trouble::gprs_proxy_crashed: return "the GPRS proxy crashes";
         case trouble::iridium_proxy_crashed: return "the Iridium proxy crashes";
         case trouble::page_crashed: return "the page's server crashes";
+        case trouble::database_crashed: return "the nodes' database server crashes";
+        case trouble::database_stopped: return "the nodes' database server is stopped";
         case trouble::boat_killed: return "the boat's computer loses its power";
         case trouble::operator_away: return "an operator leaves";
     }
@@ -133,6 +140,8 @@ deed deed_of(trouble what) {
         case page_crashed: return killing("atirma/page");
         case boat_killed: return killing("atirma/boat");
         case operator_away: return killing("atirma/console/ana");
+        case database_crashed: return killing("database");
+        case database_stopped: return stopping("database");
     }
     return {};
 }

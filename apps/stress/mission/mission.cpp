@@ -5,7 +5,11 @@
 #include <apps/stress/wire_relay.hpp>
 #include <components/gui_client/gui_client.hpp>
 
+#include <ise/packet/json.hpp>
+
 #include <algorithm>
+#include <fstream>
+#include <iterator>
 #include <map>
 
 namespace atirma::stress {
@@ -16,16 +20,28 @@ using namespace std::chrono_literals;
 constexpr const char* script_path = "atirma/script";
 constexpr ise::duration min_long = 20min; // what is shorter has a plan of its own
 
+/// What it left; only its name where it left nothing.
+window_view view_of(const mission_options::window& one) {
+    std::ifstream in(one.file, std::ios::binary);
+    std::string text{std::istreambuf_iterator<char>(in), {}};
+    if (!text.empty()) return ise::from_json<window_view>(text);
+    window_view made;
+    made.name = one.name;
+    return made;
+}
+
 } // namespace
 
 mission::mission(ise::environment& world, ise::node_options terms, mission_options options)
-    : options_(std::move(options)), began_(world.now()), node_(std::make_unique<ise::node>(world, std::move(terms))) {
+    : options_(std::move(options)), stores_(options_.stores), began_(world.now()),
+      node_(std::make_unique<ise::node>(world, std::move(terms))) {
     told_.seed = options_.seed;
     told_.virtual_clock = false;
     told_.wind = options_.wind;
     told_.began = world.wall();
-    told_.plan = options_.length < min_long ? make_short_plan(options_.seed, options_.length)
-                                            : make_plan(options_.seed, options_.length);
+    told_.database = stores_.in_database();
+    told_.plan =
+        (options_.length < min_long ? make_short_plan : make_plan)(options_.seed, options_.length, told_.database);
     // Two processes of one machine cannot be parted.
     std::erase_if(told_.plan.faults, [](const auto& one) { return one.what == trouble::nodes_parted; });
     // Their disks are not within reach.
@@ -157,24 +173,22 @@ bool mission::work() {
     return trouble_.empty();
 }
 
-void mission::judge() {
-    std::array<std::set<packet_key>, 2> disks;
-    for (std::size_t i = 0; i < disks.size(); ++i) {
-        auto disk = ise::database::open_to_read(options_.stores.at(i));
-        disks[i] = keys_on(disk.value());
-    }
-    judged_ = disks[0];
+bool mission::judge() {
+    auto disks = stores_.keys();
+    if (!disks) return false;
+    judged_ = (*disks)[0];
     auto memory = ise::database::open_to_read(options_.boat_memory);
-    proof_ = book_.judge(disks, told_.plan.length, keys_at_boat(memory.value()));
+    proof_ = book_.judge(*disks, told_.plan.length, keys_at_boat(memory.value()));
+    return true;
 }
 
 account mission::story() {
     auto made = told_;
     for (std::size_t i = 0; i < operators; ++i) made.consoles.push_back(view_of(told_.people[i].name, *consoles_[i]));
-    auto disk = ise::database::open_to_read(options_.stores.at(0));
+    for (const auto& one : options_.windows) made.windows.push_back(view_of(one));
     made.sessions = book_.sessions();
-    made.packets = packets_on(disk.value());
-    made.recorded = commands_on(disk.value());
+    made.packets = stores_.packets();
+    made.recorded = stores_.commands();
     std::erase_if(made.packets, [&](const auto& one) { return !judged_.contains(key_of(one.boot, one.sequence)); });
     return made;
 }

@@ -1,4 +1,6 @@
 #pragma once
+#include "shore_stores.hpp"
+
 #include <apps/stress/account.hpp>
 #include <apps/stress/taps.hpp>
 #include <apps/stress/troubles.hpp>
@@ -27,13 +29,19 @@ struct mission_options {
     };
     std::vector<line> lines;
     std::string carrier_tcp, carrier_udp; ///< where the boat's calls go on to; empty: not
-    std::vector<std::string> stores;      ///< the files of the two communication nodes, the primary's first
+    std::vector<std::string> stores;      ///< of the communication nodes: see shore_stores
     std::string boat_memory;              ///< the file of the boat's computer
-    std::string page;                     ///< "127.0.0.1:8080": asked at the end what it has shown
+    /// An operator at a window of the console, and the file that is left when it has been told to leave.
+    struct window {
+        std::string name, file;
+    };
+    std::vector<window> windows;
+    std::string page; ///< "127.0.0.1:8080": asked at the end what it has shown
     ise::endpoint names;
     std::string wind; ///< in words, for the report
     ise::duration max_start = std::chrono::minutes(3), max_calm = std::chrono::minutes(5);
-    /// Tells who owns the processes: "ready tcp://… udp://…", "kill atirma/boat", "start atirma/boat".
+    /// Tells who owns the processes: "ready tcp://… udp://…", "kill atirma/boat", "start atirma/boat",
+    /// "stop database", "continue database", "leave NAME" of a window.
     std::function<void(const std::string&)> say;
 };
 
@@ -75,6 +83,7 @@ private:
         void end(const fault& what);
         void take_sample();
         bool nothing_owed();
+        bool windows_left();
         std::vector<event> timetable();
 
         mission& of_;
@@ -82,7 +91,8 @@ private:
     };
 
     bool work();
-    void judge();
+    /// False: what is stored cannot be read now.
+    bool judge();
     void start_lines();
     void start_operator(std::size_t which);
     void stop_operator(std::size_t which);
@@ -93,6 +103,7 @@ private:
     std::array<std::shared_ptr<console::operator_port>, operators> consoles();
 
     mission_options options_;
+    shore_stores stores_;
     account told_;
     ledger book_;
     ledger::verdict proof_;

@@ -35,6 +35,13 @@ stress::mission_options::line line_of(const std::string& text) {
     return made;
 }
 
+/// "NAME=FILE".
+stress::mission_options::window window_of(const std::string& text) {
+    auto split = text.find('=');
+    if (split == std::string::npos) throw command_line::parse_error("--window", "expected NAME=FILE, not " + text);
+    return {text.substr(0, split), text.substr(split + 1)};
+}
+
 } // namespace
 
 int main(int argc, char** argv) {
@@ -45,7 +52,7 @@ int main(int argc, char** argv) {
     stress::mission_options options;
     double length_s = 600;
     std::string out, names;
-    std::vector<std::string> lines;
+    std::vector<std::string> lines, windows;
     app.add_option("--seed", options.seed, "random seed of the plan")->capture_default_str();
     app.add_option("--for", length_s, "length in seconds, once the deployment is up")
         ->check(command_line::range(60.0, 86400.0))
@@ -55,10 +62,13 @@ int main(int argc, char** argv) {
     app.add_option("--line", lines, "WHICH=LINK=DEVICE: a serial line that is recorded (boat, shore, iridium)");
     app.add_option("--carrier-tcp", options.carrier_tcp, "where the boat's connections are relayed");
     app.add_option("--carrier-udp", options.carrier_udp, "where the boat's datagrams are relayed");
-    app.add_option("--store", options.stores, "files of the communication nodes, the primary's first")
-        ->expected(2)
+    app.add_option("--store", options.stores,
+                   "files of the communication nodes, the primary's first, or the URL of their database")
+        ->expected(1, 2)
         ->required();
     app.add_option("--boat-memory", options.boat_memory, "file of the boat's computer")->required();
+    app.add_option("--window", windows,
+                   "NAME=FILE: an operator at a window, and what the window showed when it is left");
     app.add_option("--page", options.page, "host:port of the page");
     app.add_option("--wind", options.wind, "description of the wind, for the report");
     try {
@@ -68,6 +78,7 @@ int main(int argc, char** argv) {
     }
     try {
         for (const auto& text : lines) options.lines.push_back(line_of(text));
+        for (const auto& text : windows) options.windows.push_back(window_of(text));
         options.names = names.empty() ? ise::default_name_server() : ise::endpoint::parse(names).value();
         options.length = std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(length_s));
         options.say = [](const std::string& line) {

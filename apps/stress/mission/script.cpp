@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <filesystem>
 #include <set>
 
 namespace atirma::stress {
@@ -44,9 +45,11 @@ ise::task<> mission::script::run() {
     }
     co_await sleep_till(of_.began_ + plan.length);
     auto ended = of_.elapsed();
-    for (bool calm = nothing_owed(); !calm && of_.elapsed() - ended < of_.options_.max_calm; calm = nothing_owed())
-        co_await sleep(1s);
+    for (const auto& one : of_.options_.windows) of_.options_.say("leave " + one.name);
+    auto over = [this] { return windows_left() && nothing_owed(); };
+    for (bool calm = over(); !calm && of_.elapsed() - ended < of_.options_.max_calm; calm = over()) co_await sleep(1s);
     of_.told_.calm = of_.elapsed() - ended;
+    if (!of_.judge()) of_.trouble_ = "what the communication nodes keep cannot be read";
     co_await learn();
     of_.ask(task::over);
 }
@@ -104,7 +107,7 @@ void mission::script::begin(const fault& what) {
                                felt_over(what.what), what.what == trouble::boat_killed});
     auto doing = deed_of(what.what);
     if (what.what == trouble::operator_away) of_.ask(task::leave);
-    else if (!doing.process.empty()) of_.options_.say("kill " + doing.process);
+    else if (!doing.process.empty()) of_.options_.say((doing.stops ? "stop " : "kill ") + doing.process);
     if (doing.begin) of_.director_->let(doing.begin);
 }
 
@@ -112,7 +115,7 @@ void mission::script::end(const fault& what) {
     of_.told_.episodes[open_.at(what.what)].until = of_.elapsed();
     auto doing = deed_of(what.what);
     if (what.what == trouble::operator_away) of_.ask(task::come);
-    else if (!doing.process.empty()) of_.options_.say("start " + doing.process);
+    else if (!doing.process.empty()) of_.options_.say((doing.stops ? "continue " : "start ") + doing.process);
     if (doing.end) of_.director_->let(doing.end);
 }
 
@@ -132,8 +135,12 @@ void mission::script::take_sample() {
     of_.told_.samples.push_back(one);
 }
 
+bool mission::script::windows_left() {
+    return std::ranges::all_of(of_.options_.windows, [](const auto& one) { return std::filesystem::exists(one.file); });
+}
+
 bool mission::script::nothing_owed() {
-    of_.judge();
+    if (!of_.judge()) return false;
     const auto& verdict = of_.proof();
     return verdict.missing.empty() && verdict.only_on_one == 0 &&
            std::ranges::all_of(verdict.subscribers, [](const auto& one) { return one.second.missed == 0; });

@@ -8,6 +8,7 @@
 #include <QFile>
 #include <QPlainTextEdit>
 #include <QStatusBar>
+#include <QStyledItemDelegate>
 #include <QTemporaryDir>
 #include <QToolTip>
 
@@ -172,6 +173,33 @@ TEST_CASE(
     CHECK(it.find<QLabel>("present_head").text().contains("ben"));
     CHECK(it.find<QTableWidget>("present_table").rowCount() == 5);
     it.picture("who");
+}
+
+TEST_CASE("console windows: with hundreds of telecommands in the log, a new one measures its own row only") {
+    struct counting : QStyledItemDelegate {
+        mutable int measured = 0;
+        QSize sizeHint(const QStyleOptionViewItem& how, const QModelIndex& of) const override {
+            ++measured;
+            return QStyledItemDelegate::sizeHint(how, of);
+        }
+    } counts;
+    desk it;
+    it.window->show_tab("log");
+    for (std::uint32_t id = 1; id <= 200; ++id)
+        it.state.asked(id, xbee_path, commands::ping(), it.now - 300s + id * 1s);
+    it.show();
+    auto& log = it.find<QTableWidget>("command_table");
+    log.setItemDelegate(&counts);
+    it.state.asked(900, xbee_path, commands::waypoint_read_back(), it.now);
+    it.state.on_outcome(7, command_phase::refused, std::nullopt, "a reason that takes a line of its own", it.now);
+    it.show();
+    REQUIRE(log.rowCount() == 201);
+    CHECK(log.item(0, 1)->text().startsWith("read waypoints back"));
+    CHECK(log.item(194, 1)->text().contains("a line of its own"));
+    CHECK(log.rowHeight(194) > log.rowHeight(193));
+    CHECK(counts.measured > 0);
+    CHECK(counts.measured < 40);
+    log.setItemDelegate(nullptr);
 }
 
 TEST_CASE("console windows: both palettes, and both sizes that it is made for") {

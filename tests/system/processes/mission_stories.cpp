@@ -87,8 +87,27 @@ TEST_CASE("demo: a minute's mission on the real clock, with links and processes 
     CHECK_THAT(out.read("report.md"), Contains("on the real clock") && Contains("**The proof holds") &&
                                           Contains("the primary communication node is killed") &&
                                           Contains("the boat's computer loses its power"));
+    if (std::filesystem::exists(ISE_BINARY_DIR "/bin/atirma_window_operator")) {
+        CHECK_THAT(out.read("report.md"), Contains("carla's window at the end: "));
+        CHECK(out.read("david.png").size() > 10'000);
+    }
     CHECK_THAT(out.read("track.svg"), Contains("</svg>"));
     CHECK_THAT(out.read("track.gpx"), Contains("<trkpt"));
+}
+
+TEST_CASE("demo: a minute's mission whose nodes share a PostgreSQL that crashes and is stopped loses nothing") {
+    if (!std::filesystem::exists("/usr/lib/postgresql")) return ise_test::skip("PostgreSQL is not installed");
+    folder out;
+    auto result = run_demo({"--mission", "stress", "--store", "postgresql", "--for", "60s", "--seed", "3", "--speedup",
+                            "4", "--port", "0", "--out", out.at.string()});
+    INFO(result.out);
+    INFO(result.err);
+    INFO(out.read("report.md"));
+    CHECK(result.exit_code == 0);
+    CHECK_THAT(result.out, Contains("the proof holds"));
+    CHECK_THAT(out.read("report.md"), Contains("must be in the database") &&
+                                          Contains("the nodes' database server crashes") &&
+                                          Contains("the nodes' database server is stopped"));
 }
 
 TEST_CASE("demo: what keeps it from starting is told at once, with the word of the process that knows why") {
