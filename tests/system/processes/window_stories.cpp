@@ -8,7 +8,7 @@
 #include <fstream>
 #include <iterator>
 
-using Catch::Contains;
+using ise_test::Contains;
 
 namespace {
 
