@@ -91,7 +91,7 @@ option* option::needs(const option* other) { return of_->needs(other->of_), this
 option* option::excludes(const option* other) { return of_->excludes(other->of_), this; }
 option* option::delimiter(char between) { return of_->delimiter(between), this; }
 option* option::allow_extra_args(bool allow) { return of_->allow_extra_args(allow), this; }
-option* option::expected(int values) { return of_->expected(values), this; }
+option* option::expected(int least, int most) { return of_->expected(least, most), this; }
 option* option::envname(const std::string& variable) { return of_->envname(variable), this; }
 option* option::default_str(const std::string& shown) { return of_->default_str(shown), this; }
 option* option::capture_default_str() { return of_->capture_default_str(), this; }

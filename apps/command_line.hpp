@@ -43,7 +43,7 @@ public:
     option* excludes(const option* other);
     option* delimiter(char between);
     option* allow_extra_args(bool allow); ///< several values after one name
-    option* expected(int values);
+    option* expected(int least, int most); ///< values of one option
     option* envname(const std::string& variable);
     option* default_str(const std::string& shown);
     option* capture_default_str();

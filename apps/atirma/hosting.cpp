@@ -91,7 +91,7 @@ void add_parameter(command_line::app& to, const ise::parameter& declared, std::v
     }
     auto* option = to.add_option(name, given, about)->check(fits(declared))->type_name(ise::allowed_values(declared));
     option->allow_extra_args(false);
-    if (!declared.many) option->expected(1);
+    if (!declared.many) option->expected(1, 1);
 }
 
 } // namespace
