@@ -42,7 +42,7 @@ public:
     option* needs(const option* other);
     option* excludes(const option* other);
     option* delimiter(char between);
-    option* allow_extra_args(bool allow); ///< several values after one name
+    option* allow_extra_args(bool allow);  ///< several values after one name
     option* expected(int least, int most); ///< values of one option
     option* envname(const std::string& variable);
     option* default_str(const std::string& shown);

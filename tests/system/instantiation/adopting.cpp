@@ -1,6 +1,7 @@
 // Instantiation servers that come and go: what was started is never lost.
 #include "host.hpp"
 
+#include <algorithm>
 #include <fstream>
 #include <unistd.h>
 
@@ -71,10 +72,11 @@ TEST_CASE("what ended while no instantiation server ran follows its policy, and 
     int again = here.start("sea/again", {"--restart", "always", "--set", "children=2"})["process_id"];
     int never = here.start("sea/never", {"--set", "children=2"})["process_id"];
     CHECK(marked().size() == 6);
+    const int keepers[] = {keeper_of(again), keeper_of(never)};
     here.crash();
     ::kill(again, SIGKILL);
     ::kill(never, SIGKILL);
-    wait_until([&] { return marked().empty(); }); // also the children that they had
+    wait_until([&] { return marked().empty() && std::ranges::none_of(keepers, lives); }); // also their children
     here.open();
     wait_until([&] { return here.state("sea/again")["state"] == "ready"; });
     auto shown = here.state("sea/never");
@@ -114,11 +116,12 @@ TEST_CASE("how a component ended while no instantiation server ran is recorded")
     int well = here.start("sea/well", {"--restart", "on-failure"})["process_id"];
     int badly = here.start("sea/badly")["process_id"];
     int shared = here.start("sea/shared", {"--process", "main"})["process_id"];
+    const int keepers[] = {keeper_of(well), keeper_of(badly), keeper_of(shared)};
     here.crash();
     ::kill(well, SIGTERM);
     ::kill(shared, SIGTERM);
     here.json_of({"call", "sea/badly", "fail", R"({"text": "no wind"})"});
-    wait_until([&] { return !lives(well) && !lives(badly) && !lives(shared); });
+    wait_until([&] { return std::ranges::none_of(keepers, lives); });
     here.open();
     auto what = [&](const char* path) {
         return here.state(path)["state"].get<std::string>() + ": " + here.state(path)["reason"].get<std::string>();

@@ -166,6 +166,11 @@ bool lives(int pid) {
     return end != std::string::npos && stat.size() > end + 2 && stat[end + 2] != 'Z' && stat[end + 2] != 'X';
 }
 
+int keeper_of(int pid) {
+    auto stat = content_of("/proc/" + std::to_string(pid) + "/stat"); // "PID (NAME) STATE PARENT …"
+    return std::stoi(stat.substr(stat.rfind(')') + 4));
+}
+
 int zombies() {
     int count = 0;
     if (!std::getenv("ISE_IN_PID_NAMESPACE")) return count; // those of others are not ours to judge

@@ -72,6 +72,8 @@ private:
 
 /// Whether a process lives, and is no zombie.
 bool lives(int pid);
+/// The keeper of an instance's process, which ends after it, and records how it ended.
+int keeper_of(int pid);
 /// Processes that carry the mark of an instance.
 std::vector<int> marked();
 /// Processes that have ended and that nobody has asked how.
