@@ -1,5 +1,6 @@
 #include "report.hpp"
 
+#include "report_text.hpp"
 #include "windows_report.hpp"
 
 #include <fmt/format.h>
@@ -7,7 +8,6 @@
 #include <algorithm>
 #include <chrono>
 #include <fstream>
-#include <iterator>
 #include <ratio>
 #include <stdexcept>
 
@@ -17,16 +17,6 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::array<std::string_view, link_count> link_names{"XBee", "GPRS", "Iridium"};
-
-class text {
-public:
-    template <class... A>
-    void line(fmt::format_string<A...> how, A&&... what) {
-        fmt::format_to(std::back_inserter(all), how, std::forward<A>(what)...);
-        all += '\n';
-    }
-    std::string all;
-};
 
 /// Of everything that was sent, also of what nobody promised to keep.
 void say_links(text& out, const account& of, const ledger::verdict& proof) {
@@ -180,12 +170,11 @@ void say_commands(text& out, const account& of) {
         for (const auto& one : who.commands) all.emplace_back(&one, who.name);
     std::ranges::stable_sort(all, {}, [](const auto& one) { return one.first->asked; });
     for (const auto& [one, who] : all) {
-        auto words = one->text;
-        std::ranges::replace(words, '|', '/');
         out.line("| {} | {} | {} | {} | {} | {} | {} | {} |", clock_text(one->asked), who, one->request.id,
                  name_of(one->request.command.kind()),
                  one->request.via ? link_names[static_cast<std::size_t>(*one->request.via)] : "best",
-                 one->decided.count() < 0 ? "–" : length_text(one->decided - one->asked), outcome_of(*one), words);
+                 one->decided.count() < 0 ? "–" : length_text(one->decided - one->asked), outcome_of(*one),
+                 in_cell(one->text));
     }
 }
 

@@ -1,12 +1,12 @@
 #include "windows_report.hpp"
 
 #include "findings.hpp"
+#include "report_text.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <chrono>
-#include <iterator>
 
 namespace atirma::stress {
 namespace {
@@ -28,12 +28,6 @@ std::string clock_at(const account& of, utc_time at) {
     return clock_text(std::chrono::duration_cast<ise::duration>(at - of.began));
 }
 
-std::string in_cell(std::string words) {
-    std::ranges::replace(words, '|', '/');
-    std::ranges::replace(words, '\n', ' ');
-    return words;
-}
-
 } // namespace
 
 bool windows_hold(const account& of) {
@@ -42,45 +36,44 @@ bool windows_hold(const account& of) {
 
 std::string windows_text(const account& of) {
     if (of.windows.empty()) return {};
-    std::string made;
-    auto line = [&]<class... A>(fmt::format_string<A...> how, A&&... what) {
-        fmt::format_to(std::back_inserter(made), how, std::forward<A>(what)...);
-        made += '\n';
-    };
-    line("\n## Consoles with windows");
-    line("An operator at each worked it by mouse and keyboard. What became of a telecommand is read off the window's "
-         "list, a few times per second while the list is in front.\n");
-    line("| window | mouse | keys | telecommands | done | refused | expired | otherwise | not on record | "
-         "points of the track | packets | longest without an event |");
-    line("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|");
+    text out;
+    out.line("\n## Consoles with windows");
+    out.line(
+        "An operator at each worked it by mouse and keyboard. What became of a telecommand is read off the window's "
+        "list, a few times per second while the list is in front.\n");
+    out.line("| window | mouse | keys | telecommands | done | refused | expired | otherwise | not on record | "
+             "points of the track | packets | longest without an event |");
+    out.line("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---|");
     for (const auto& one : of.windows) {
         auto count = [&](auto what) { return std::ranges::count_if(one.commands, what); };
         ise::duration stall = std::chrono::milliseconds(one.longest_stall_ms);
-        line("| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |", one.name, one.clicks, one.keys,
-             one.commands.size(), count(&shown_command::is_done), count(&shown_command::is_refused),
-             count(&shown_command::is_expired), count([](const auto& each) { return !each.has_ended(); }),
-             count([&](const auto& each) { return is_unknown(of, each); }), one.track, one.packets,
-             stall < long_stall ? length_text(stall)
-                                : fmt::format("**{}**, until {}", length_text(stall), clock_at(of, one.stalled_at)));
+        out.line("| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |", one.name, one.clicks, one.keys,
+                 one.commands.size(), count(&shown_command::is_done), count(&shown_command::is_refused),
+                 count(&shown_command::is_expired), count([](const auto& each) { return !each.has_ended(); }),
+                 count([&](const auto& each) { return is_unknown(of, each); }), one.track, one.packets,
+                 stall < long_stall
+                     ? length_text(stall)
+                     : fmt::format("**{}**, until {}", length_text(stall), clock_at(of, one.stalled_at)));
     }
     for (const auto& one : of.windows) {
-        if (!one.left) line("\n**{}'s window did not end.**", one.name);
-        else line("\n{}'s window at the end: {}; {}.", one.name, one.status, one.place);
+        if (!one.left) out.line("\n**{}'s window did not end.**", one.name);
+        else out.line("\n{}'s window at the end: {}; {}.", one.name, one.status, one.place);
         if (one.commands.size() < one.given)
-            line("**{} telecommands were accepted from it, and {} are in its list.**", one.given, one.commands.size());
+            out.line("**{} telecommands were accepted from it, and {} are in its list.**", one.given,
+                     one.commands.size());
     }
-    line("\n| given | at the window of | id | what | until | shown as | words |");
-    line("|---|---|---:|---|---:|---|---|");
+    out.line("\n| given | at the window of | id | what | until | shown as | words |");
+    out.line("|---|---|---:|---|---:|---|---|");
     std::vector<std::pair<const shown_command*, std::string>> all;
     for (const auto& window : of.windows)
         for (const auto& one : window.commands) all.emplace_back(&one, window.name);
     std::ranges::stable_sort(all, {}, [](const auto& one) { return one.first->given; });
     for (const auto& [one, who] : all)
-        line("| {} | {} | {} | {} | {} | {}{} | {} |", clock_at(of, one->given), who, one->id, in_cell(one->what),
-             one->ended ? length_text(*one->ended - one->given) : "–",
-             one->has_ended() ? one->phase : "**" + one->phase + "**",
-             is_unknown(of, *one) ? ", **not on record**" : "", in_cell(one->words));
-    return made;
+        out.line("| {} | {} | {} | {} | {} | {}{} | {} |", clock_at(of, one->given), who, one->id, in_cell(one->what),
+                 one->ended ? length_text(*one->ended - one->given) : "–",
+                 one->has_ended() ? one->phase : "**" + one->phase + "**",
+                 is_unknown(of, *one) ? ", **not on record**" : "", in_cell(one->words));
+    return out.all;
 }
 
 } // namespace atirma::stress
