@@ -113,40 +113,31 @@ void command_list::show_snapshot(const snapshot& seen, utc_time now) {
     make_rows(shown_before ? *shown_before : std::vector<command_entry>());
     int row = 0;
     for (auto it = shown_->rbegin(); it != shown_->rend(); ++it, ++row) {
-        auto before_texts = texts_of(row);
+        bool changed = false; // its height follows from its words
         auto tip = tr("%1\nid %2, %n attempt(s), last change %3", nullptr, static_cast<int>(it->attempts))
                        .replace("(s)", it->attempts == 1 ? "" : "s")
                        .arg(text(it->path))
                        .arg(it->id)
                        .arg(clock_of(it->changed_at));
-        set_cell(table_, row, 0, clock_of(it->asked_at), t.ink3, tip);
+        changed |= set_cell(table_, row, 0, clock_of(it->asked_at), t.ink3, tip);
         counts_ = counts_ || (!is_over(it->phase) && it->valid_until);
         if (it->valid_until) tip += tr("\nvalid until %1").arg(clock_of(*it->valid_until));
         if (it->executed_at) tip += tr("\nexecuted at %1").arg(clock_of(*it->executed_at));
-        set_cell(table_, row, 1, text(it->what) + details_of(*it), t.ink);
-        set_cell(table_, row, 2, "● " + phase_text(*it, now), colour_of(it->phase), tip);
+        changed |= set_cell(table_, row, 1, text(it->what) + details_of(*it), t.ink);
+        changed |= set_cell(table_, row, 2, "● " + phase_text(*it, now), colour_of(it->phase), tip);
         auto who = it->asked_by.empty() ? tr("other") : text(operator_label(it->asked_by));
         auto by = (it->own ? tr("here") : who) + (it->asked_as.empty() ? QString() : QStringLiteral(" ✓"));
         auto verified = it->asked_as.empty()             ? tr("identity not verified")
                         : it->asked_as.ends_with("/key") ? tr("a holder of the shared key, which names nobody")
                                                          : tr("verified as %1").arg(text(it->asked_as));
         if (it->link) by += "\n" + text(label(*it->link));
-        set_cell(table_, row, 3, by, it->own ? t.ink2 : t.accent,
-                 (it->own ? tr("sent from this console") : tr("sent by: %1").arg(text(it->asked_by))) + "\n" +
-                     verified + "\n" + text(it->path));
-        if (texts_of(row) != before_texts) table_->resizeRowToContents(row);
+        changed |= set_cell(table_, row, 3, by, it->own ? t.ink2 : t.accent,
+                            (it->own ? tr("sent from this console") : tr("sent by: %1").arg(text(it->asked_by))) +
+                                "\n" + verified + "\n" + text(it->path));
+        if (changed) table_->resizeRowToContents(row);
         if (it->id == chosen_id) table_->setCurrentCell(row, 0);
     }
     offer();
-}
-
-QStringList command_list::texts_of(int row) const {
-    QStringList made;
-    for (int column = 0; column < table_->columnCount(); ++column) {
-        const auto* item = table_->item(row, column);
-        made << (item ? item->text() : QString());
-    }
-    return made;
 }
 
 present_list::present_list(QWidget* parent) : QWidget(parent) {

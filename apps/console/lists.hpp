@@ -25,7 +25,6 @@ private:
     const command_entry* chosen() const;
     void offer();
     void make_rows(const std::vector<command_entry>& before);
-    QStringList texts_of(int row) const; ///< of its cells: its height follows from them
 
     QTableWidget* table_;
     QLabel* empty_;

@@ -31,12 +31,14 @@ QTableWidget* make_table(const QStringList& heads, const QString& name, QWidget*
     return made;
 }
 
-void set_cell(QTableWidget* table, int row, int column, const QString& words, const QColor& ink, const QString& tip) {
+bool set_cell(QTableWidget* table, int row, int column, const QString& words, const QColor& ink, const QString& tip) {
     auto* item = table->item(row, column);
     if (!item) table->setItem(row, column, item = new QTableWidgetItem);
+    const bool changes = item->text() != words;
     item->setText(words);
     item->setForeground(ink);
     item->setToolTip(tip.isEmpty() ? words : tip);
+    return changes;
 }
 
 QString clock_of(utc_time at) { return text(ise::iso_8601(at).substr(11, 8)); }
