@@ -101,8 +101,9 @@ void connection::on_bytes(const transfer& got) {
         parser_.commit(got.bytes);
     }
     take_frames();
+    if (unfinished_bytes() == 0 || !open()) return;
     auto* to = receiver();
-    if (!open() || !to || unfinished_bytes() == 0) return;
+    if (!to) return;
     if (auto fits = to->on_unfinished(); !fits) end_for(fits.error());
 }
 
