@@ -21,8 +21,8 @@ struct shown_command {
     bool has_ended() const { return is_done() || is_refused() || is_expired(); }
 };
 
-/// What an operator did at a console's window, and what the window showed at the end. Written as JSON by the process of
-/// the window, read by the mission.
+/// The deeds of an operator at a console's window, and the state of the window at the end. The window's process writes
+/// it as JSON, and the mission reads it.
 struct window_view {
     std::string name;
     bool left = false;                    ///< its process ended as it was asked to

@@ -80,7 +80,7 @@ void refuse_unknown_command(const command_line::app& app, int count, const char*
     }
 }
 
-// What was refused, with the usage of the command.
+// The error of a wrong command line, with the usage of the command.
 problem unfit(const command_line::app& app, const command_line::parse_error& wrong) {
     const auto* chosen = app.chosen();
     if (!chosen && wrong.why() == command_line::parse_error::reason::no_command)

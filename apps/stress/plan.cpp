@@ -60,7 +60,7 @@ boat_command question(generator& dice) {
     }
 }
 
-/// What only the holder of the authority may tell the boat.
+/// Telecommands that need the authority over the boat.
 std::vector<boat_command> steering(generator& dice) {
     using commands::set_mode, commands::set_parameter;
     switch (dice.below(4)) {

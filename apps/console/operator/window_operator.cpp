@@ -119,7 +119,7 @@ void window_operator::give_telecommand() {
     since_order_.start();
 }
 
-/// What needs no authority.
+/// Gives a telecommand that needs no authority.
 void window_operator::ask_boat() {
     switch (dice_.below(8)) {
         case 0: return click("do_ping");
@@ -133,7 +133,7 @@ void window_operator::ask_boat() {
     }
 }
 
-/// What only the holder of the authority may tell the boat; the console asks whether to take it.
+/// Gives a telecommand that needs the authority; the console asks whether to take it.
 void window_operator::steer_boat() {
     switch (dice_.below(8)) {
         case 0: next_.push_back([this] { click("mode_2"); }); return click("mode_1");

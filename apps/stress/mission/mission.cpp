@@ -20,7 +20,7 @@ using namespace std::chrono_literals;
 constexpr const char* script_path = "atirma/script";
 constexpr ise::duration min_long = 20min; // what is shorter has a plan of its own
 
-/// What it left; only its name where it left nothing.
+/// The view in the file of a window; with the name only where there is no file.
 window_view view_of(const mission_options::window& one) {
     std::ifstream in(one.file, std::ios::binary);
     std::string text{std::istreambuf_iterator<char>(in), {}};

@@ -12,7 +12,7 @@
 
 namespace atirma::stress {
 
-/// What the two communication nodes keep: each in a file of its own, or both in one database. Each call reads anew.
+/// The stores of the two communication nodes: a file each, or one database of both. Each call reads anew.
 class shore_stores {
 public:
     /// The files, the primary's first, or the URL of the database.
