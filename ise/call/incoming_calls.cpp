@@ -137,7 +137,7 @@ result<void> incoming_calls::on_request(const net::carried_frame& received) {
     auto parsed = wire::request_head::read(flags, received.body);
     if (!parsed) return malformed("with half a head");
     const bytes_view packet = received.body.subspan(wire::request_head::size(flags));
-    const bool until = (flags & wire::flag::until) && over_.wire().tells_clock();
+    const bool until = parsed->until && over_.wire().tells_clock();
     if (parsed->time_ns < 0 && !until) return malformed("with a negative time");
     if (parsed->service >= bindings_.size()) return malformed("for a service that was not introduced");
     const bool numbered = flags & wire::flag::numbered;

@@ -53,7 +53,11 @@ bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
     }
     wire::request_head head;
     head.service = number_of(call);
-    head.time_ns = call.deadline.time_since_epoch().count(); // the outbox makes it the peer's
+    const auto now = over_.on().now();
+    head.until = connection.knows_clock();
+    head.time_ns = head.until
+                       ? saturating_add(call.deadline, connection.terms().clock.ahead(now)).time_since_epoch().count()
+                       : std::max(call.deadline - now, duration{}).count();
     if (call.trace) [[unlikely]] {
         head.trace = call.trace.trace;
         head.parent = call.trace.parent;

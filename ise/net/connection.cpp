@@ -32,7 +32,6 @@ connection::connection(loop& on, std::unique_ptr<stream> transport, session_term
     if (datagrams_) outbox_.use(*datagrams_);
     if (terms_.features & wire::feature::objects) objects_ = dynamic_cast<object_stream*>(transport_.get());
     if (objects_) terms_.clock.is_ours();
-    if (tells_clock()) outbox_.use(terms_.clock);
     outbox_.limit_messages(terms_.peer_accepts.max_message_bytes);
     parser_.release(); // a greeting is larger than what follows on an idle connection
     signs_ = std::make_shared<heartbeat_sender>(
@@ -298,7 +297,7 @@ void connection::flush() {
 // Within a process calls and replies that wait alone, as most do, need no batch: that spares a tenth of the
 // instructions of a call on one loop. The rest is `write_out`'s matter.
 bool connection::pass_calls() {
-    if (batch_ || phase_ != phase::open || !outbox_.calls_alone(on_.now())) return false;
+    if (batch_ || phase_ != phase::open || !outbox_.calls_alone()) return false;
     const auto passed = objects_->pass(outbox_.calls(), outbox_.beside_calls());
     if (passed.problem) {
         batch_ = spare_.take();
@@ -316,7 +315,7 @@ void connection::write_out() {
     std::size_t sent = 0;
     while (sent < flush_bytes) {
         if (farewell_ && outbox_.calls_drained()) say_goodbye();
-        if (batch_->empty() && !outbox_.fill(*batch_, on_.now())) {
+        if (batch_->empty() && !outbox_.fill(*batch_)) {
             if (phase_ == phase::finishing) transport_->shutdown_write();
             return;
         }

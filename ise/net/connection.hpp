@@ -140,6 +140,8 @@ public:
     bool tells_packet_traces() const noexcept { return terms_.features & wire::feature::packet_traces; }
     /// Whether deadlines are told as times of the receiver's clock.
     bool tells_clock() const noexcept { return terms_.features & wire::feature::clock; }
+    /// Whether that clock is known here (`terms().clock`), and deadlines can be told so.
+    bool knows_clock() const noexcept { return tells_clock() && terms_.clock.known(); }
     /// The last measured round trip of a heartbeat; zero before the first.
     duration round_trip() const noexcept { return alive_.round_trip(); }
     /// Bytes of messages of which some pieces are missing.

@@ -20,10 +20,23 @@ using wire::frame_type;
 constexpr std::size_t copied_bytes = 4 * 1024;
 constexpr std::size_t quantum = 16 * 1024;
 
-time_point deadline_of(const std::byte* body) { return time_point(duration(wire::request_head::time_of(body))); }
+// Of frames one behind the other, until `visit` returns true; whether it did.
+template <class Visit>
+bool any_frame(std::byte* frames, std::size_t size, Visit visit) {
+    for (std::size_t at = 0; at < size;) {
+        const auto header = wire::read_header(frames + at);
+        if (visit(frames + at, header)) return true;
+        at += frame_header::size + header.length;
+    }
+    return false;
+}
 
-bool is_request(const frame_header& header) {
-    return header.type == frame_type::request && header.length >= wire::request_head::min_size;
+// A request that was withdrawn before it was written becomes this, which is no frame: a cancel has no body.
+void mark_withdrawn(std::byte* frame) noexcept {
+    detail::store_little(frame + 4, static_cast<std::uint8_t>(frame_type::cancel));
+}
+bool is_withdrawn(const frame_header& header) noexcept {
+    return header.type == frame_type::cancel && header.length > 0;
 }
 
 } // namespace
@@ -109,21 +122,6 @@ void batch::clear() {
     attached_weight_ = written_ = 0;
 }
 
-outbox::request_times outbox::times(time_point now) const noexcept {
-    if (!clock_ || !clock_->known()) return {now};
-    return {now, true, clock_->ahead(now)};
-}
-
-// False if the request expired: nobody waits for it any more.
-bool outbox::stamp(std::byte* body, std::uint8_t& flags, const request_times& by) noexcept {
-    const auto deadline = deadline_of(body);
-    if (deadline <= by.now) return false;
-    const auto told = by.until ? saturating_add(deadline, by.ahead).time_since_epoch() : deadline - by.now;
-    if (by.until) flags |= wire::flag::until;
-    wire::request_head::set_time(body, told.count());
-    return true;
-}
-
 void outbox::end_call(std::size_t start, passed_object&& packet) {
     const std::size_t size = calls_.size() - start;
     if (packet) {
@@ -132,7 +130,6 @@ void outbox::end_call(std::size_t start, passed_object&& packet) {
     } else if (size > whole_bytes) {
         big_message message;
         message.header = wire::read_header(calls_.data() + start);
-        if (is_request(message.header)) message.deadline = deadline_of(calls_.data() + start + frame_header::size);
         message.owner = shared_bytes(std::exchange(calls_, buffer()));
         message.payload = message.owner.view().subspan(start + frame_header::size);
         message.id = next_piece_id_++;
@@ -236,35 +233,25 @@ void outbox::put_abandoned(const big_message& message) {
     wire::put_header(control_, header);
 }
 
-bool outbox::fill(batch& out, time_point now) {
-    // One piece of each long message a round, and small things between them. Requests that have expired leave nothing
+bool outbox::fill(batch& out) {
+    // One piece of each long message a round, and small things between them. Requests that were withdrawn leave nothing
     // to write, and others may wait behind them.
     while (out.weight() < batch_limit_ && !(lane_ ? calls_drained() : empty())) {
         if (!control_.empty()) {
             out.staging().append(control_.view());
             control_.clear();
         }
-        fill_calls(out, now);
-        if (!big_calls_.all.empty()) fill_pieces(big_calls_, out, now);
-        if (!big_packets_.all.empty()) fill_pieces(big_packets_, out, now);
+        fill_calls(out);
+        if (!big_calls_.all.empty()) fill_pieces(big_calls_, out);
+        if (!big_packets_.all.empty()) fill_pieces(big_packets_, out);
         if (!sources_.empty() && !lane_) fill_publications(out);
     }
     return !out.empty();
 }
 
-bool outbox::calls_alone(time_point now) {
-    if (calls_.empty() || !blocks_.empty() || calls_.size() + beside_weight_ > batch_limit_) return false;
-    if (!control_.empty() || !big_calls_.all.empty() || !big_packets_.all.empty() || !sources_.empty()) return false;
-    auto each_request = [this](auto what) {
-        for (std::size_t at = 0; at < calls_.size();) {
-            const auto header = wire::read_header(calls_.data() + at);
-            if (is_request(header) && !what(calls_.data() + at)) return false;
-            at += frame_header::size + header.length;
-        }
-        return true;
-    };
-    return each_request([now](std::byte* frame) { return deadline_of(frame + frame_header::size) > now; }) &&
-           each_request([by = times(now)](std::byte* frame) { return stamp(frame, by); });
+bool outbox::calls_alone() const noexcept {
+    return !calls_.empty() && blocks_.empty() && withdrawn_ == 0 && calls_.size() + beside_weight_ <= batch_limit_ &&
+           control_.empty() && big_calls_.all.empty() && big_packets_.all.empty() && sources_.empty();
 }
 
 void outbox::move_calls(batch& out) {
@@ -273,48 +260,34 @@ void outbox::move_calls(batch& out) {
     beside_weight_ = 0;
 }
 
-void outbox::fill_calls(batch& out, time_point now) {
-    const auto by = times(now);
+void outbox::fill_calls(batch& out) {
     while (!blocks_.empty() && out.weight() < batch_limit_) {
         auto block = blocks_.pop_front();
         blocks_weight_ -= block.weight;
         const auto frames = block.frames.view();
-        if (stamp_all(content_of(block), frames.size(), by, out)) out.share(std::move(block.frames), frames);
-        else put_timely(frames, out);
+        if (fit_to_share()) out.share(std::move(block.frames), frames);
+        else put_each(content_of(block), frames.size(), out);
     }
     if (calls_.empty() || out.weight() >= batch_limit_) return;
     beside_weight_ = 0;
-    if (stamp_all(calls_.data(), calls_.size(), by, out)) return out.adopt(calls_);
-    put_timely(calls_.view(), out);
+    if (fit_to_share()) return out.adopt(calls_);
+    put_each(calls_.data(), calls_.size(), out);
     calls_.clear();
 }
 
-// Whether none has expired. One that has becomes a cancel of itself, which `put_timely` leaves out.
-bool outbox::stamp_all(std::byte* frames, std::size_t size, const request_times& by, batch& out) {
-    bool timely = true;
-    for (std::size_t at = 0; at < size;) {
-        const auto header = wire::read_header(frames + at);
-        const bool late = is_request(header) && !stamp(frames + at, by);
-        if (header.flags & wire::flag::attached) {
-            auto object = attachments_.pop_front();
-            if (!late) out.pass(std::move(object));
+// Without those that were withdrawn, and with what is beside the others.
+void outbox::put_each(std::byte* frames, std::size_t size, batch& out) {
+    any_frame(frames, size, [&](const std::byte* frame, const frame_header& header) {
+        passed_object object;
+        if (header.flags & wire::flag::attached) object = attachments_.pop_front();
+        if (is_withdrawn(header)) {
+            --withdrawn_;
+            return false;
         }
-        if (late) {
-            timely = false;
-            detail::store_little(frames + at + 4, static_cast<std::uint8_t>(frame_type::cancel));
-        }
-        at += frame_header::size + header.length;
-    }
-    return timely;
-}
-
-void outbox::put_timely(bytes_view frames, batch& out) {
-    for (std::size_t at = 0; at < frames.size();) {
-        const auto header = wire::read_header(frames.data() + at);
-        const std::size_t size = frame_header::size + header.length;
-        if (header.type != frame_type::cancel || header.length == 0) out.staging().append(frames.subspan(at, size));
-        at += size;
-    }
+        out.staging().append({frame, frame_header::size + header.length});
+        if (object) out.pass(std::move(object));
+        return false;
+    });
 }
 
 void outbox::put_piece(big_message& message, batch& out) {
@@ -351,20 +324,13 @@ bool outbox::may_begin(const big_messages& among, const big_message& one) const 
            (among.begun < limit::unfinished_messages / 2 && among.begun_bytes + one.size() <= max_message_bytes_);
 }
 
-void outbox::fill_pieces(big_messages& from, batch& out, time_point now) {
+void outbox::fill_pieces(big_messages& from, batch& out) {
     // One piece of each in turn.
     for (std::size_t round = from.all.size(); round > 0 && out.weight() < batch_limit_; --round) {
         big_message message = from.all.pop_front();
         if (!message.begun && !may_begin(from, message)) {
             from.all.push_back(std::move(message));
             continue;
-        }
-        if (!message.begun && message.deadline != time_point::max()) {
-            // The buffer is this message's own: only the constness of shared owners is in the way.
-            if (!stamp(const_cast<std::byte*>(message.payload.data()), message.header.flags, times(now))) {
-                from.ends(message);
-                continue;
-            }
         }
         if (!message.begun) from.begins(message);
         std::size_t before = message.sent;
@@ -404,25 +370,16 @@ void outbox::feed_lane() {
     }
 }
 
-// Until `visit` returns true; whether it did.
+// As `any_frame`, of all calls that wait as frames.
 template <class Visit>
-bool outbox::each_call(Visit visit) {
-    auto look = [&visit](std::byte* frames, std::size_t size) {
-        for (std::size_t at = 0; at < size;) {
-            const auto header = wire::read_header(frames + at);
-            if (visit(frames + at, header)) return true;
-            at += frame_header::size + header.length;
-        }
-        return false;
-    };
+bool outbox::any_call(Visit visit) {
     for (std::size_t i = 0; i < blocks_.size(); ++i)
-        if (look(content_of(blocks_[i]), blocks_[i].frames.size())) return true;
-    return look(calls_.data(), calls_.size());
+        if (any_frame(content_of(blocks_[i]), blocks_[i].frames.size(), visit)) return true;
+    return any_frame(calls_.data(), calls_.size(), visit);
 }
 
 void outbox::take_unwritten(const std::function<void(const carried_frame&)>& visit) {
-    // One that was withdrawn is not the caller's any more: it finds no call of that id.
-    each_call([&](std::byte* frame, const frame_header& header) {
+    any_call([&](std::byte* frame, const frame_header& header) {
         bytes_view body(frame + frame_header::size, header.length);
         passed_object object;
         if (header.flags & wire::flag::attached) object = attachments_.pop_front();
@@ -435,7 +392,7 @@ void outbox::take_unwritten(const std::function<void(const carried_frame&)>& vis
     }
     blocks_.clear();
     calls_.clear();
-    blocks_weight_ = beside_weight_ = 0;
+    blocks_weight_ = beside_weight_ = withdrawn_ = 0;
     big_calls_ = {};
 }
 
@@ -448,10 +405,10 @@ bool outbox::withdraw(std::uint64_t request_id) {
         return big = true;
     });
     if (big) return true;
-    return each_call([request_id](std::byte* frame, const frame_header& header) {
-        if (header.id != request_id || !is_request(header)) return false;
-        // Its deadline becomes the past; writing passes it over.
-        wire::request_head::set_time(frame + frame_header::size, 0);
+    return any_call([&](std::byte* frame, const frame_header& header) {
+        if (header.id != request_id || header.type != frame_type::request) return false;
+        mark_withdrawn(frame);
+        ++withdrawn_;
         return true;
     });
 }

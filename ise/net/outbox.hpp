@@ -3,9 +3,7 @@
 #include <ise/core/bytes.hpp>
 #include <ise/core/passed_object.hpp>
 #include <ise/core/ring.hpp>
-#include <ise/core/time.hpp>
 #include <ise/net/carried_frame.hpp>
-#include <ise/net/heartbeats.hpp>
 #include <ise/packet/shared_bytes.hpp>
 #include <ise/transport/packet_lane.hpp>
 #include <ise/wire/frame.hpp>
@@ -144,17 +142,12 @@ public:
     /// The longest message that the peer accepts; unfinished ones it holds up to twice that.
     void limit_messages(std::uint64_t max_bytes) noexcept { max_message_bytes_ = max_bytes; }
 
-    /// The peer takes deadlines by its own clock, as soon as that is known; `clock` lives as long as this.
-    void use(const peer_clock& clock) noexcept { clock_ = &clock; }
-
     /// Where a control frame is appended (`wire::put_frame`).
     buffer& control() noexcept { return control_; }
     const buffer& control() const noexcept { return control_; }
 
-    /// Where the frame of a call or a reply is appended, followed by `end_call()`. A request's body begins with its
-    /// service number and its deadline as nanoseconds of the loop's clock. When it is written, the peer's time for it
-    /// is put there, or what remains, and an expired request is not written at all. What a later frame relies on (a
-    /// service's introduction) therefore goes into `control()`.
+    /// Where the frame of a call or a reply is appended, followed by `end_call()`. It may be withdrawn before it is
+    /// written: what a later frame relies on (a service's introduction) goes into `control()`.
     buffer& calls() noexcept { return calls_; }
     /// A frame was appended that begins at `start`. `packet`: what it has beside it (`wire::flag::attached`), if
     /// anything.
@@ -175,12 +168,12 @@ public:
     void feed_lane();
 
     /// Moves what goes into one write to the batch; false if nothing waits.
-    bool fill(batch& out, time_point now);
+    bool fill(batch& out);
 
-    /// True where nothing waits but calls and replies, all of them go into one write, and none has expired: then they
-    /// have been stamped, and are written from where they lie. Whoever does that empties `calls()` and `beside_calls()`
-    /// and says so, or moves them to a batch.
-    bool calls_alone(time_point now);
+    /// True where nothing waits but calls and replies, all of them go into one write, and none was withdrawn: they may
+    /// be written from where they lie. Whoever does that empties `calls()` and `beside_calls()` and says so, or moves
+    /// them to a batch.
+    bool calls_alone() const noexcept;
     ring<passed_object>& beside_calls() noexcept { return attachments_; }
     void calls_went() noexcept { beside_weight_ = 0; }
     void move_calls(batch& out);
@@ -213,7 +206,6 @@ private:
         publication_source* source = nullptr; // publications
         std::uint64_t id = 0;                 // of its pieces
         std::size_t sent = 0;
-        time_point deadline = time_point::max(); // requests
         bool begun = false;
         std::size_t size() const noexcept { return head.size() + payload.size(); }
     };
@@ -250,27 +242,16 @@ private:
     };
     bool may_begin(const big_messages& among, const big_message& one) const noexcept;
 
-    /// With which a request's deadline is put into the peer's clock when it is written.
-    struct request_times {
-        time_point now;
-        bool until = false; ///< as one of the peer's clock, which is `ahead`; else as what remains
-        duration ahead{};
-    };
-    request_times times(time_point now) const noexcept;
-    static bool stamp(std::byte* body, std::uint8_t& flags, const request_times& by) noexcept;
-    static bool stamp(std::byte* frame, const request_times& by) noexcept {
-        return stamp(frame + wire::frame_header::size, reinterpret_cast<std::uint8_t&>(frame[5]), by);
-    }
     void add_block(shared_bytes frames, std::size_t size);
     static std::byte* content_of(const call_block& block) noexcept {
         return const_cast<std::byte*>(block.frames.view().data());
     }
     template <class Visit>
-    bool each_call(Visit visit);
-    void fill_calls(batch& out, time_point now);
-    bool stamp_all(std::byte* frames, std::size_t size, const request_times& by, batch& out);
-    static void put_timely(bytes_view frames, batch& out);
-    void fill_pieces(big_messages& from, batch& out, time_point now);
+    bool any_call(Visit visit);
+    void fill_calls(batch& out);
+    bool fit_to_share() const noexcept { return withdrawn_ == 0 && attachments_.empty(); }
+    void put_each(std::byte* frames, std::size_t size, batch& out);
+    void fill_pieces(big_messages& from, batch& out);
     void fill_publications(batch& out);
     static void put_piece(big_message& message, batch& out);
     void put_abandoned(const big_message& message);
@@ -281,6 +262,7 @@ private:
     buffer calls_;
     ring<passed_object> attachments_; // of the frames in blocks_ and calls_ that have one
     std::size_t beside_weight_ = 0;   // of those in calls_
+    std::size_t withdrawn_ = 0;       // frames in blocks_ and calls_ that are not written
     big_messages big_calls_;
     big_messages big_packets_;
     ring<publication_source*> sources_;
@@ -288,7 +270,6 @@ private:
     std::size_t usual_batch_ = batch_bytes;
     batch* filling_ = nullptr; // during fill_publications
     packet_lane* lane_ = nullptr;
-    const peer_clock* clock_ = nullptr;
     std::uint64_t max_message_bytes_ = std::numeric_limits<std::uint64_t>::max();
     std::uint64_t next_piece_id_ = 1;
 };

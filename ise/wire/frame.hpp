@@ -116,7 +116,8 @@ void put_frame(buffer& out, frame_type type, std::uint8_t flags, std::uint64_t i
 /// there.
 struct request_head {
     std::uint32_t service = 0; ///< the number that the caller introduced it with
-    std::int64_t time_ns = 0;  ///< what remains; with `flag::until` when it is over, by the receiver's clock
+    std::int64_t time_ns = 0;  ///< what remains; if `until`, when it is over, by the receiver's clock
+    bool until = false;        ///< only where both sides have `feature::clock`
     std::uint64_t trace = 0;   ///< its lower half; 0: none
     std::uint64_t parent = 0;  ///< in this trace
     std::uint64_t high = 0;    ///< the upper half of the trace; only where both sides have `feature::traces`
@@ -134,15 +135,17 @@ struct request_head {
 
     /// Of those flags that say what is there.
     std::uint8_t flags() const noexcept {
+        const std::uint8_t of_time = until ? flag::until : std::uint8_t{0};
         if ((trace | number) == 0) [[likely]]
-            return 0;
-        return static_cast<std::uint8_t>((trace != 0 ? flag::traced : 0) | (trace != 0 && high != 0 ? flag::wide : 0) |
+            return of_time;
+        return static_cast<std::uint8_t>(of_time | (trace != 0 ? flag::traced : 0) |
+                                         (trace != 0 && high != 0 ? flag::wide : 0) |
                                          (number != 0 ? flag::numbered : 0));
     }
     void put(buffer& out) const {
         std::byte* at = out.grow(size(flags()));
         detail::store_little(at, service);
-        set_time(at, time_ns);
+        detail::store_little(at + 4, time_ns);
         at += min_size;
         if (trace != 0) {
             detail::store_little(at, trace);
@@ -161,7 +164,8 @@ struct request_head {
         request_head head;
         const auto* at = body.data();
         head.service = detail::load_little<std::uint32_t>(at);
-        head.time_ns = time_of(at);
+        head.time_ns = detail::load_little<std::int64_t>(at + 4);
+        head.until = flags & flag::until;
         at += min_size;
         if (flags & flag::traced) {
             head.trace = detail::load_little<std::uint64_t>(at);
@@ -175,17 +179,6 @@ struct request_head {
         if (flags & flag::numbered) head.number = detail::load_little<std::uint64_t>(at);
         return head;
     }
-
-    /// The time alone, which is put in when the frame leaves.
-    static std::int64_t time_of(const std::byte* body) noexcept {
-        return detail::load_little<std::int64_t>(body + time_at);
-    }
-    static void set_time(std::byte* body, std::int64_t time_ns) noexcept {
-        detail::store_little(body + time_at, time_ns);
-    }
-
-private:
-    static constexpr std::size_t time_at = 4;
 };
 
 } // namespace ise::wire

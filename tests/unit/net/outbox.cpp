@@ -4,19 +4,16 @@
 
 #include <support/catch.hpp>
 
-#include <chrono>
+#include <algorithm>
 #include <deque>
 
 namespace outbox_test {
 
-using namespace std::chrono_literals;
 using ise::net::batch;
 using ise::net::outbox;
 using ise::wire::frame_type;
 
 namespace {
-
-constexpr ise::time_point t0{1h};
 
 struct written {
     frame_type type;
@@ -45,9 +42,9 @@ std::vector<written> frames_of(batch& from) {
     }
     return frames_of(ise::bytes_view(all));
 }
-std::vector<written> write(outbox& from, ise::time_point now = t0) {
+std::vector<written> write(outbox& from) {
     batch out;
-    if (!from.fill(out, now)) return {};
+    if (!from.fill(out)) return {};
     return frames_of(out);
 }
 std::vector<std::uint64_t> ids_of(const std::vector<written>& frames) {
@@ -56,11 +53,10 @@ std::vector<std::uint64_t> ids_of(const std::vector<written>& frames) {
     return ids;
 }
 
-void request(outbox& to, std::uint64_t id, ise::time_point deadline, std::size_t size = 4) {
+void request(outbox& to, std::uint64_t id, std::size_t size = 4) {
     const auto start = to.calls().size();
     ise::wire::put_frame(to.calls(), frame_type::request, 0, id, [&](ise::buffer& body) {
-        body.append(std::uint32_t{0});
-        body.append(static_cast<std::int64_t>(deadline.time_since_epoch().count()));
+        ise::wire::request_head().put(body);
         for (std::size_t i = 0; i < size; ++i) body.append(static_cast<std::uint8_t>(id));
     });
     to.end_call(start);
@@ -68,15 +64,12 @@ void request(outbox& to, std::uint64_t id, ise::time_point deadline, std::size_t
 void ping(outbox& to, std::uint64_t id) {
     ise::wire::put_frame(to.control(), frame_type::ping, 0, id, [](ise::buffer&) {});
 }
-std::int64_t time_left(const written& frame) { return ise::detail::load_little<std::int64_t>(frame.body.data() + 4); }
 
 constexpr auto number = ise::object_type::of<int>([](const void*, ise::buffer&) {});
-void request_beside(outbox& to, std::uint64_t id, ise::time_point deadline) {
+void request_beside(outbox& to, std::uint64_t id) {
     const auto start = to.calls().size();
-    ise::wire::put_frame(to.calls(), frame_type::request, ise::wire::flag::attached, id, [&](ise::buffer& body) {
-        body.append(std::uint32_t{0});
-        body.append(static_cast<std::int64_t>(deadline.time_since_epoch().count()));
-    });
+    ise::wire::put_frame(to.calls(), frame_type::request, ise::wire::flag::attached, id,
+                         [](ise::buffer& body) { ise::wire::request_head().put(body); });
     to.end_call(start, ise::passed_object(number, static_cast<int>(id), 100));
 }
 
@@ -115,89 +108,85 @@ TEST_CASE("control goes first, then calls, then publications") {
     source news(30);
     news.put(10);
     out.add(news);
-    request(out, 20, t0 + 1s);
+    request(out, 20);
     ping(out, 10);
     CHECK(ids_of(write(out)) == std::vector<std::uint64_t>{10, 20, 30});
     CHECK(out.empty());
     CHECK(write(out).empty());
 }
 
-TEST_CASE("what remains of a deadline is stamped at writing, and expired requests are not written") {
+TEST_CASE("calls that wait alone are written from where they lie, and go with what is beside them") {
     outbox out;
-    request(out, 1, t0 + 5s);
-    request(out, 2, t0 + 1s);
-    request(out, 3, t0 + 9s);
-    auto frames = write(out, t0 + 2s);
-    REQUIRE(ids_of(frames) == std::vector<std::uint64_t>{1, 3});
-    CHECK(time_left(frames[0]) == std::chrono::nanoseconds(3s).count());
-    CHECK(time_left(frames[1]) == std::chrono::nanoseconds(7s).count());
-    CHECK(out.empty());
-}
-
-TEST_CASE("calls that wait alone are stamped where they lie, and go with what is beside them") {
-    outbox out;
-    request(out, 1, t0 + 5s);
-    request_beside(out, 2, t0 + 9s);
-    REQUIRE(out.calls_alone(t0 + 2s));
+    request(out, 1);
+    request_beside(out, 2);
+    REQUIRE(out.calls_alone());
     SECTION("at once") {
-        auto frames = frames_of(out.calls().view());
-        REQUIRE(ids_of(frames) == std::vector<std::uint64_t>{1, 2});
-        CHECK(time_left(frames[0]) == std::chrono::nanoseconds(3s).count());
-        CHECK(time_left(frames[1]) == std::chrono::nanoseconds(7s).count());
+        CHECK(ids_of(frames_of(out.calls().view())) == std::vector<std::uint64_t>{1, 2});
         REQUIRE(out.beside_calls().size() == 1);
         CHECK(*static_cast<int*>(out.beside_calls().pop_front().at()) == 2);
         out.calls().clear();
         out.calls_went();
     }
-    SECTION("where they cannot go: by a batch, stamped once") {
+    SECTION("where they cannot go: by a batch") {
         batch later;
         out.move_calls(later);
-        auto frames = frames_of(later);
-        REQUIRE(ids_of(frames) == std::vector<std::uint64_t>{1, 2});
-        CHECK(time_left(frames[1]) == std::chrono::nanoseconds(7s).count());
+        CHECK(ids_of(frames_of(later)) == std::vector<std::uint64_t>{1, 2});
         CHECK(later.attachments().size() == 1);
         CHECK(later.weight() == later.bytes() + 100);
     }
     CHECK(out.empty());
     CHECK(out.pending_bytes() == 0);
     CHECK(out.pending_call_bytes() == 0);
-    CHECK_FALSE(out.calls_alone(t0));
+    CHECK_FALSE(out.calls_alone());
 }
 
-TEST_CASE("calls that do not wait alone stay as they are") {
+TEST_CASE("calls that do not wait alone are written with what waits beside them") {
     outbox out;
     source news(30);
-    request(out, 1, t0 + 5s);
-    bool expired = false;
+    request(out, 1);
+    bool withdrawn = false;
     SECTION("control") { ping(out, 10); }
     SECTION("a publication") { out.add(news); }
-    SECTION("a message in pieces") { request(out, 2, t0 + 5s, 200'000); }
+    SECTION("a message in pieces") { request(out, 2, 200'000); }
     SECTION("more than one write takes") { out.limit_batch(10); }
-    SECTION("one that has expired") {
-        request(out, 2, t0 + 1s);
-        expired = true;
-    }
     SECTION("one that was withdrawn") {
-        request(out, 2, t0 + 5s);
+        request(out, 2);
         CHECK(out.withdraw(2));
-        expired = true;
+        withdrawn = true;
     }
-    CHECK_FALSE(out.calls_alone(t0 + 2s));
-    auto frames = write(out, t0 + 2s);
-    auto found = std::find_if(frames.begin(), frames.end(),
-                              [](const auto& frame) { return frame.id == 1 && frame.type == frame_type::request; });
-    REQUIRE(found != frames.end());
-    CHECK(time_left(*found) == std::chrono::nanoseconds(3s).count());
-    if (expired) CHECK(ids_of(frames) == std::vector<std::uint64_t>{1});
+    CHECK_FALSE(out.calls_alone());
+    auto frames = write(out);
+    CHECK(std::ranges::any_of(frames, [](const auto& one) { return one.id == 1 && one.type == frame_type::request; }));
+    if (withdrawn) CHECK(ids_of(frames) == std::vector<std::uint64_t>{1});
     out.remove(news);
 }
 
-TEST_CASE("many expired requests do not hide one that is good") {
+TEST_CASE("many requests that were withdrawn do not hide one that is good") {
     outbox out;
-    for (std::uint64_t id = 0; id < 20'000; ++id) request(out, id, t0 + 1s);
-    request(out, 77'777, t0 + 9s);
-    CHECK(ids_of(write(out, t0 + 2s)) == std::vector<std::uint64_t>{77'777});
+    for (std::uint64_t id = 0; id < 20'000; ++id) request(out, id);
+    request(out, 77'777);
+    for (std::uint64_t id = 20'000; id > 0; --id) REQUIRE(out.withdraw(id - 1));
+    CHECK(ids_of(write(out)) == std::vector<std::uint64_t>{77'777});
     CHECK(out.pending_bytes() == 0);
+}
+
+TEST_CASE("a request that was withdrawn takes along what is beside it, and each other one keeps its own") {
+    outbox out;
+    for (std::uint64_t id = 1; id <= 4; ++id) request_beside(out, id);
+    request(out, 5);
+    CHECK(out.withdraw(2));
+    CHECK(out.withdraw(4));
+    CHECK_FALSE(out.withdraw(2)); // once
+    batch one;
+    REQUIRE(out.fill(one));
+    CHECK(ids_of(frames_of(one)) == std::vector<std::uint64_t>{1, 3, 5});
+    REQUIRE(one.attachments().size() == 2);
+    CHECK(*static_cast<int*>(one.attachments().pop_front().at()) == 1);
+    CHECK(*static_cast<int*>(one.attachments().pop_front().at()) == 3);
+    CHECK(out.empty());
+    CHECK(out.pending_bytes() == 0);
+    request(out, 6); // none of them is left to be passed over
+    CHECK(out.calls_alone());
 }
 
 TEST_CASE("calls leave in the order in which they came, in batches of bounded size, and nothing piles up") {
@@ -205,9 +194,9 @@ TEST_CASE("calls leave in the order in which they came, in batches of bounded si
     std::vector<std::uint64_t> seen;
     std::uint64_t next = 0;
     for (int round = 0; round < 50; ++round) {
-        for (int i = 0; i < 100; ++i) request(out, next++, t0 + 1h, 4000);
+        for (int i = 0; i < 100; ++i) request(out, next++, 4000);
         batch one;
-        REQUIRE(out.fill(one, t0));
+        REQUIRE(out.fill(one));
         CHECK(one.bytes() <= outbox::batch_bytes + outbox::block_bytes + 5000);
         for (const auto& frame : frames_of(one)) seen.push_back(frame.id);
     }
@@ -227,28 +216,28 @@ TEST_CASE("large calls are written from where they were encoded, in order with t
         encoded.push_back(out.calls().data());
         out.end_call(start);
     }
-    request(out, 4, t0 + 1s);
-    request(out, 5, t0 + 5s, large);
-    request(out, 6, t0 + 5s);
+    request(out, 4);
+    request(out, 5, large);
+    request(out, 6);
     ping(out, 7);
     const auto waiting = out.pending_call_bytes();
     CHECK(waiting > 4 * large);
     SECTION("all of it") {
         batch first;
-        REQUIRE(out.fill(first, t0 + 2s));
+        REQUIRE(out.fill(first));
         std::vector<const void*> places;
         for (const auto& part : first.remaining()) places.push_back(part.data());
         for (const auto* place : encoded) CHECK(std::count(places.begin(), places.end(), place) == 1);
         auto ids = ids_of(frames_of(first));
         while (!out.empty())
-            for (const auto& frame : write(out, t0 + 2s)) ids.push_back(frame.id);
-        CHECK(ids == std::vector<std::uint64_t>{7, 1, 2, 3, 5, 6}); // 4 expired
+            for (const auto& frame : write(out)) ids.push_back(frame.id);
+        CHECK(ids == std::vector<std::uint64_t>{7, 1, 2, 3, 4, 5, 6});
     }
     SECTION("without one that was given up") {
         CHECK(out.withdraw(5));
         std::vector<std::uint64_t> ids;
         while (!out.empty())
-            for (const auto& frame : write(out, t0)) ids.push_back(frame.id);
+            for (const auto& frame : write(out)) ids.push_back(frame.id);
         CHECK(ids == std::vector<std::uint64_t>{7, 1, 2, 3, 4, 6});
     }
     SECTION("handed back") {
@@ -264,13 +253,13 @@ TEST_CASE("large calls are written from where they were encoded, in order with t
 TEST_CASE("a big message goes in pieces between which small ones pass") {
     outbox out;
     ise::wire::reassembly whole(100 << 20);
-    request(out, 1, t0 + 5s, 1'000'000);
+    request(out, 1, 1'000'000);
     std::optional<ise::wire::assembled> got;
     std::uint64_t small = 100;
     std::size_t small_seen = 0;
     while (!out.empty()) {
-        request(out, small++, t0 + 5s);
-        for (const auto& frame : write(out, t0 + 2s)) {
+        request(out, small++);
+        for (const auto& frame : write(out)) {
             if (frame.type == frame_type::request) {
                 ++small_seen;
                 continue;
@@ -289,17 +278,16 @@ TEST_CASE("a big message goes in pieces between which small ones pass") {
     }
     REQUIRE(got);
     CHECK((got->header.id == 1 && got->header.type == frame_type::request && got->body.size() == 1'000'012));
-    CHECK(ise::detail::load_little<std::int64_t>(got->body.data() + 4) == std::chrono::nanoseconds(3s).count());
     CHECK(small_seen == small - 100);
     CHECK(out.pending_bytes() == 0);
 }
 
 TEST_CASE("a write takes as many pieces of a big message as it has room for, and of each one in turn") {
     outbox out;
-    request(out, 1, t0 + 5s, 1'000'000);
+    request(out, 1, 1'000'000);
     auto alone = write(out);
     REQUIRE(alone.size() == outbox::batch_bytes / outbox::piece_bytes);
-    request(out, 2, t0 + 5s, 1'000'000);
+    request(out, 2, 1'000'000);
     auto both = write(out);
     REQUIRE(both.size() == 4);
     CHECK((both[0].id != both[1].id && both[0].id == both[2].id && both[1].id == both[3].id));
@@ -325,14 +313,14 @@ TEST_CASE("no more messages are begun at once than a receiver takes") {
     };
     outbox box;
     SECTION("by number") {
-        for (std::uint64_t id = 1; id <= 200; ++id) request(box, id, t0 + 1h, 300'000);
+        for (std::uint64_t id = 1; id <= 200; ++id) request(box, id, 300'000);
         ise::wire::reassembly receiver(256 << 20);
         while (take(write(box), receiver)) {}
         CHECK(whole.size() == 200);
     }
     SECTION("by bytes, also where some are given up half way") {
         box.limit_messages(1 << 20);
-        for (std::uint64_t id = 1; id <= 20; ++id) request(box, id, t0 + 1h, 500'000);
+        for (std::uint64_t id = 1; id <= 20; ++id) request(box, id, 500'000);
         ise::wire::reassembly receiver(1 << 20);
         REQUIRE(take(write(box), receiver));
         CHECK(box.withdraw(1));
@@ -345,9 +333,9 @@ TEST_CASE("no more messages are begun at once than a receiver takes") {
 TEST_CASE("a request that is given up: unwritten it is not sent, half sent it is abandoned") {
     outbox out;
     out.limit_batch(1); // a piece a write
-    request(out, 1, t0 + 5s);
-    request(out, 2, t0 + 5s, 1'000'000);
-    request(out, 3, t0 + 5s, 1'000'000);
+    request(out, 1);
+    request(out, 2, 1'000'000);
+    request(out, 3, 1'000'000);
     CHECK(out.withdraw(1));
     CHECK(out.withdraw(3));
     auto first = write(out);
@@ -367,10 +355,10 @@ TEST_CASE("a request that is given up: unwritten it is not sent, half sent it is
 
 TEST_CASE("unwritten requests are handed back, begun ones are not") {
     outbox out;
-    request(out, 1, t0 + 5s, 1'000'000);
+    request(out, 1, 1'000'000);
     write(out);
-    request(out, 2, t0 + 5s, 1'000'000);
-    request(out, 3, t0 + 5s);
+    request(out, 2, 1'000'000);
+    request(out, 3);
     std::vector<std::uint64_t> back;
     out.take_unwritten([&](const ise::net::carried_frame& one) { back.push_back(one.header.id); });
     CHECK(back == std::vector<std::uint64_t>{3, 2});
@@ -380,10 +368,10 @@ TEST_CASE("unwritten requests are handed back, begun ones are not") {
 
 TEST_CASE("a batch tells which frames were never begun") {
     outbox out;
-    for (std::uint64_t id = 1; id <= 4; ++id) request(out, id, t0 + 5s, 20); // 48 bytes each
-    ping(out, 9);                                                            // 16 bytes, in front
+    for (std::uint64_t id = 1; id <= 4; ++id) request(out, id, 20); // 48 bytes each
+    ping(out, 9);                                                   // 16 bytes, in front
     batch one;
-    REQUIRE(out.fill(one, t0));
+    REQUIRE(out.fill(one));
     auto unwritten = [&] {
         std::vector<std::uint64_t> ids;
         one.visit_unwritten([&](const ise::net::carried_frame& frame) {
@@ -449,7 +437,7 @@ TEST_CASE("what waits is counted by class: packets that go in pieces are no repl
     packets.put(size);
     packets.put(size);
     out.add(packets);
-    request(out, 2, ise::time_point::max(), size);
+    request(out, 2, size);
     const auto of_request = out.pending_call_bytes();
     CHECK(of_request > size);
 
