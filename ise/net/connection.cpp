@@ -165,6 +165,10 @@ void connection::on_passed(buffer& content, ring<passed_object>& attachments) {
 void connection::take_frames() {
     auto* to = receiver();
     for (carried_frame received; parser_.take(received);) {
+        // Many small packets of a subscription are one step for all layers above.
+        received.run = {};
+        if (received.header.type == frame_type::packet && !(received.header.flags & wire::flag::attached))
+            received.run = parser_.take_alike(received, counts_.frames_in);
         auto taken = take(received, to);
         if (!taken) return end_for(taken.error());
         if (!open()) return;

@@ -81,8 +81,22 @@ result<void> outgoing_subscriptions::on_subscribed(const net::carried_frame& rec
 }
 
 result<void> outgoing_subscriptions::on_packet(const net::carried_frame& received) {
-    bytes_view body = received.body;
-    const auto flags = received.header.flags & known_flags_;
+    const auto& header = received.header;
+    if (received.run.empty()) return on_one(header, received.body, received.object);
+    auto frames = received.run;
+    if (header.flags == wire::flag::stamped && (known_flags_ & wire::flag::stamped)) [[likely]]
+        if (auto* subscriber = find(header.id)) frames = frames.subspan(subscriber->take_run(frames));
+    while (!frames.empty()) {
+        const auto size = packet_frame::size_of(frames.data());
+        auto taken = on_one(header, frames.subspan(wire::frame_header::size, size - wire::frame_header::size), nullptr);
+        if (!taken) return taken;
+        frames = frames.subspan(size);
+    }
+    return {};
+}
+
+result<void> outgoing_subscriptions::on_one(const wire::frame_header& header, bytes_view body, passed_object* object) {
+    const auto flags = header.flags & known_flags_;
     const bool skipped = flags & wire::flag::skipped;
     const bool stamped = flags & wire::flag::stamped;
     const bool traced = flags & wire::flag::caused;
@@ -95,10 +109,10 @@ result<void> outgoing_subscriptions::on_packet(const net::carried_frame& receive
     if (skipped) place.skipped = detail::load_little<std::uint32_t>(body.data() + 8);
     if (stamped) place.published_at = wall_time(duration(detail::load_little<std::int64_t>(body.data() + stamp_at)));
     if (traced) place.trace = packet_frame::read_trace(body.data() + trace_at);
-    auto found = subscribers_.find(received.header.id);
-    if (found == subscribers_.end()) return {};
-    incoming_packet packet(body.subspan(head), received.object);
-    return found->second->on_packet(place, packet);
+    auto* subscriber = find(header.id);
+    if (!subscriber) return {};
+    incoming_packet packet(body.subspan(head), object);
+    return subscriber->on_packet(place, packet);
 }
 
 result<void> outgoing_subscriptions::on_ended(const net::carried_frame& received) {

@@ -31,6 +31,8 @@ public:
     void add_used(std::set<std::string>& names) const;
 
 private:
+    result<void> on_one(const wire::frame_header& header, bytes_view body, passed_object* object);
+
     conversation& over_;
     const std::uint8_t known_flags_;                               // of packets, as both sides agreed
     std::map<std::uint64_t, subscriber_core*> subscribers_;        // by subscription id

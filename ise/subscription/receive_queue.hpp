@@ -4,6 +4,7 @@
 #include <ise/core/time.hpp>
 #include <ise/core/trace_id.hpp>
 #include <ise/session/carried_packet.hpp>
+#include <ise/subscription/packet_frame.hpp>
 #include <ise/subscription/received.hpp>
 
 #include <cstdint>
@@ -16,8 +17,8 @@ struct traced_arrival {
     time_point came{};
 };
 
-/// The published packets that a subscriber has not taken yet, encoded, one behind the other in one buffer: what is
-/// dropped was never decoded, and a burst costs a copy a packet and no allocation. Those that came as objects stand in
+/// The published packets that a subscriber has not taken yet, encoded, as frames one behind the other in one buffer:
+/// what is dropped was never decoded, and a burst costs one copy and no allocation. Those that came as objects stand in
 /// the same line. Each knows how many packets were lost before it, and when it was published, and a few their traces.
 class receive_queue {
 public:
@@ -32,24 +33,31 @@ public:
         push(packet, from, 0, traced);
     }
 
+    /// So many frames as they came (`packet_frame`, without traces), none of which was lost before them.
+    void push_run(bytes_view frames, std::size_t packets) {
+        std::memcpy(grow(frames.size()), frames.data(), frames.size());
+        count_ += packets;
+    }
+
     /// The oldest; only where there is one. Valid until the next push or pop; a shared object may be taken out of it.
     incoming_packet front() noexcept {
-        if (front_word() & object_mark) return {{}, &objects_.front()};
-        return {{content_.data() + begin_ + head_bytes, front_size()}, nullptr};
+        if (front_marks() & object_mark) return {{}, &objects_.front()};
+        return {{front_frame() + packet_frame::head_bytes, front_size() - packet_frame::head_bytes}, nullptr};
     }
     /// Of the oldest, if it belongs to a trace; only where there is one.
     const traced_arrival* front_trace() const noexcept {
-        return front_word() & traced_mark ? &traces_.front() : nullptr;
+        return front_marks() & traced_mark ? &traces_.front() : nullptr;
     }
     /// Removes the oldest, and gives what was known of it.
     packet_origin pop() noexcept {
         packet_origin from;
-        from.lost_before = detail::load_little<std::uint64_t>(content_.data() + begin_);
-        from.published_at = wall_time(duration(detail::load_little<std::int64_t>(content_.data() + begin_ + 16)));
-        if (front_word() & object_mark) auto gone = objects_.pop_front();
-        if (front_word() & traced_mark) [[unlikely]]
-            traces_.pop_front();
-        begin_ += head_bytes + front_size();
+        from.published_at = packet_frame::published_at(front_frame());
+        if (front_marks() != as_it_came) {
+            from.lost_before = packet_frame::id_of(front_frame());
+            if (front_marks() & object_mark) auto gone = objects_.pop_front();
+            if (front_marks() & traced_mark) traces_.pop_front();
+        }
+        begin_ += front_size();
         if (--count_ > 0) return from;
         // A burst's room is given back when the queue has been emptied some times in a row with little in it.
         if (content_.capacity() <= kept_bytes || begin_ >= content_.capacity() / 16) little_ = 0;
@@ -60,33 +68,33 @@ public:
     }
 
 private:
-    void push(bytes_view packet, const packet_origin& from, std::uint64_t mark, const traced_arrival* traced) {
+    // What stands in the place of the frame's flags, and for all but `as_it_came` the lost packets in that of its id.
+    static constexpr std::uint8_t as_it_came = wire::flag::stamped;
+    static constexpr std::uint8_t marked = 16, object_mark = 32, traced_mark = 64;
+
+    void push(bytes_view packet, const packet_origin& from, std::uint8_t marks, const traced_arrival* traced) {
         if (traced) [[unlikely]] {
             traces_.push_back(*traced);
-            mark |= traced_mark;
+            marks |= traced_mark;
         }
-        const std::size_t size = head_bytes + packet.size();
-        if (content_.capacity() - content_.size() < size) [[unlikely]]
-            make_room(size);
-        std::byte* at = content_.grow(size);
-        detail::store_little(at, from.lost_before);
-        detail::store_little(at + 8, packet.size() | mark);
-        detail::store_little(at + 16, static_cast<std::int64_t>(from.published_at.time_since_epoch().count()));
-        if (!packet.empty()) std::memcpy(at + head_bytes, packet.data(), packet.size());
+        const std::size_t size = packet_frame::head_bytes + packet.size();
+        std::byte* at = grow(size);
+        packet_frame::complete(at, size, from.lost_before, 0, from.published_at);
+        at[5] = static_cast<std::byte>(marks | marked);
+        if (!packet.empty()) std::memcpy(at + packet_frame::head_bytes, packet.data(), packet.size());
         ++count_;
     }
+    std::byte* grow(std::size_t size) {
+        if (content_.capacity() - content_.size() < size) [[unlikely]]
+            make_room(size);
+        return content_.grow(size);
+    }
+    const std::byte* front_frame() const noexcept { return content_.data() + begin_; }
+    std::uint8_t front_marks() const noexcept { return static_cast<std::uint8_t>(front_frame()[5]); }
+    std::size_t front_size() const noexcept { return packet_frame::size_of(front_frame()); }
 
-    static constexpr std::size_t head_bytes = 24;
     static constexpr std::size_t kept_bytes = 4 * 1024; // of an empty queue, at least
     static constexpr unsigned little_before_freed = 16;
-    static constexpr std::uint64_t object_mark = std::uint64_t{1} << 63;
-    static constexpr std::uint64_t traced_mark = std::uint64_t{1} << 62;
-    std::uint64_t front_word() const noexcept {
-        return detail::load_little<std::uint64_t>(content_.data() + begin_ + 8);
-    }
-    std::size_t front_size() const noexcept {
-        return static_cast<std::size_t>(front_word() & ~(object_mark | traced_mark));
-    }
     void make_room(std::size_t more);
 
     buffer content_;

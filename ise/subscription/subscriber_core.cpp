@@ -3,6 +3,7 @@
 #include <ise/packet/compatibility.hpp>
 #include <ise/session/conversation.hpp>
 #include <ise/session/tracer.hpp>
+#include <ise/subscription/packet_frame.hpp>
 
 #include <fmt/format.h>
 
@@ -32,20 +33,18 @@ subscribe_options subscribe_options::lossless(std::uint32_t depth) {
 
 subscriber_core::subscriber_core(std::shared_ptr<subscription_owner> to, std::string service, const packet_types& types,
                                  subscribe_options options, bytes request)
-    : on_(to->runtime().on()), owner_(std::move(to)), options_(options), service_(std::move(service)), types_(types),
-      request_(std::move(request)), farewell_(adapt(schema(), types.schemas[role::unsubscribe_request], {})),
+    : on_(to->runtime().on()), owner_(std::move(to)), options_(options),
+      capacity_(options.policy == overflow::keep_latest ? 1 : std::max<std::size_t>(options.depth, 1)),
+      service_(std::move(service)), types_(types), request_(std::move(request)),
+      farewell_(adapt(schema(), types.schemas[role::unsubscribe_request], {})),
       packet_(on_, [this] { packet_.resume(); }),
       answer_(on_, [this] { answer_.resume(); }), held_room_{owner_->runtime().options().held_bytes()},
-      held_(capacity(), held_room_) {}
+      held_(capacity_, held_room_) {}
 
 subscriber_core::~subscriber_core() = default;
 
 void subscriber_core::throw_empty() {
     throw error(errc::invalid_argument, "an empty subscription: assign what `subscribe(service)` gave first");
-}
-
-std::size_t subscriber_core::capacity() const noexcept {
-    return options_.policy == overflow::keep_latest ? 1 : std::max<std::size_t>(options_.depth, 1);
 }
 
 task<result<void>> subscriber_core::begin() {
@@ -124,8 +123,8 @@ wire::subscribe subscriber_core::terms() const {
     made.service.service = service_;
     made.service.fingerprints = types_.fingerprints;
     made.policy = options_.policy;
-    made.depth = static_cast<std::uint32_t>(capacity());
-    made.credit = capacity() - std::min(queue_.size(), capacity());
+    made.depth = static_cast<std::uint32_t>(capacity_);
+    made.credit = capacity_ - std::min(queue_.size(), capacity_);
     made.min_interval_ns = static_cast<std::uint64_t>(std::max<std::int64_t>(0, options_.min_interval.count()));
     made.last_value = options_.last_value;
     if (resume_ && resumes()) {
@@ -141,7 +140,7 @@ void subscriber_core::on_sent(subscription_session& over, std::uint64_t id) {
     session_ = &over;
     id_ = id;
     consumed_ = 0;
-    granted_ = granted_at_first_ = capacity() - std::min(queue_.size(), capacity()); // as terms() said
+    granted_ = granted_at_first_ = capacity_ - std::min(queue_.size(), capacity_); // as terms() said
     held_.clear();
     comparing_ = false;
     on_sent_to(over.over().wire().terms().peer.incarnation);
@@ -268,9 +267,9 @@ void subscriber_core::on_session_end(const failure& cause) {
 }
 
 result<void> subscriber_core::on_packet(const packet_place& place, incoming_packet& packet) {
-    // The rule: it is the next one, and there is room for it.
+    // The rule, as in `take_run`.
     if (place.sequence == next_sequence_ && established_ && place.skipped == 0 && !adapter_ &&
-        queue_.size() < capacity()) [[likely]] {
+        queue_.size() < capacity_) [[likely]] {
         ++next_sequence_;
     } else {
         auto admitted = admit(place, packet);
@@ -286,10 +285,32 @@ result<void> subscriber_core::on_packet(const packet_place& place, incoming_pack
     const auto* trace = place.trace ? &traced : nullptr;
     if (packet.object() && !packet.adapt) queue_.push(std::move(*packet.object()), from, trace);
     else queue_.push(packet.bytes(), from, trace);
-    ++counts_.received;
-    ++owner_->runtime().counts().packets_received;
-    packet_.resume();
+    note_received(1);
     return {};
+}
+
+// The rule: each is the next one, and there is room for it.
+std::size_t subscriber_core::take_run(bytes_view frames) {
+    if (!established_ || adapter_ || lost_before_ != 0) return 0;
+    std::size_t size = 0, packets = 0;
+    for (auto room = capacity_ - std::min(queue_.size(), capacity_); packets < room && size < frames.size();
+         ++packets) {
+        const auto* frame = frames.data() + size;
+        const auto whole = packet_frame::size_of(frame);
+        if (whole < packet_frame::head_bytes || packet_frame::sequence_of(frame) != next_sequence_) break;
+        ++next_sequence_;
+        size += whole;
+    }
+    if (packets == 0) return 0;
+    queue_.push_run(frames.first(size), packets);
+    note_received(packets);
+    return size;
+}
+
+void subscriber_core::note_received(std::size_t packets) {
+    counts_.received += packets;
+    owner_->runtime().counts().packets_received += packets;
+    packet_.resume();
 }
 
 // One that is not as the rule says: whether it is kept.
@@ -323,7 +344,7 @@ result<bool> subscriber_core::admit(const packet_place& place, incoming_packet& 
         return false;
     }
 
-    if (queue_.size() >= capacity()) {
+    if (queue_.size() >= capacity_) {
         if (options_.policy == overflow::disconnect || options_.policy == overflow::lossless) {
             // Lossless: the provider sent more than the credit it was given.
             end_here(failure(errc::overloaded,
@@ -373,7 +394,7 @@ packet_origin subscriber_core::take_packet() {
     if (options_.policy != overflow::lossless || !session_) return from;
     // New credit in portions: a frame for every packet would cost as much as the packet.
     auto allowed = granted_at_first_ + consumed_;
-    if (allowed - granted_ < std::max<std::uint64_t>(1, capacity() / 2)) return from;
+    if (allowed - granted_ < std::max<std::uint64_t>(1, capacity_ / 2)) return from;
     granted_ = allowed;
     session_->grant(*this, granted_);
     return from;

@@ -152,6 +152,9 @@ public:
     result<void> on_subscribed(wire::subscribed answer);
     void on_refused(const failure& why);
     result<void> on_packet(const packet_place& place, incoming_packet& packet);
+    /// Frames of packets one behind the other, each with its time and nothing else before the packet: keeps those in
+    /// front that are as the rule says, and returns their bytes. The others are for `on_packet`.
+    std::size_t take_run(bytes_view frames);
     void on_session_end(const failure& cause);
     void on_ended(const failure& why, std::uint64_t lost);
     std::uint64_t id() const noexcept { return id_; }
@@ -182,10 +185,12 @@ protected:
     std::shared_ptr<subscription_owner> owner_;
     subscription_counts counts_;
     subscribe_options options_;
-    receive_queue queue_; // in this side's layout
+    const std::size_t capacity_; // of the queue, in packets
+    receive_queue queue_;        // in this side's layout
 
 private:
     result<bool> admit(const packet_place& place, incoming_packet& packet);
+    void note_received(std::size_t packets);
     void follow_trace();
     void finish(failure why);
     void drop_oldest();
@@ -193,7 +198,6 @@ private:
     void refuse_packets(const failure& why);
     void adapt_to(const std::vector<schema>& theirs, wire::subscribed& answer);
     void establish(const wire::subscribed& answer);
-    std::size_t capacity() const noexcept;
 
     std::string service_;
     const packet_types& types_;

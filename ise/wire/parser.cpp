@@ -66,6 +66,19 @@ std::span<std::byte> parser::prepare() {
     return {storage_.data() + storage_.size(), room_ - storage_.size()};
 }
 
+bytes_view parser::take_alike(const frame& first, std::uint64_t& others) noexcept {
+    const std::byte* const from = first.body.data() - frame_header::size;
+    while (pending() >= frame_header::size) {
+        const auto header = read_header(storage_.data() + begin_);
+        if (header.type != first.header.type || header.flags != first.header.flags || header.id != first.header.id ||
+            !sound(header) || pending() < frame_header::size + header.length)
+            break;
+        begin_ += frame_header::size + header.length;
+        ++others;
+    }
+    return {from, storage_.data() + begin_};
+}
+
 void parser::add(buffer& content) {
     if (pending() == 0) {
         storage_ = std::move(content); // they change places

@@ -32,14 +32,12 @@ public:
             on, ise::net::connect_until(on, ise::endpoint::parse(to).value(), on.now() + std::chrono::seconds(10)));
         if (!all_.run_until([&] { return connecting->done; })) throw std::logic_error("no connection");
         line_ = std::move(connecting->get().value());
-        auto* datagrams = dynamic_cast<ise::net::datagram_stream*>(line_.get());
-        if (datagrams && reads) {
-            ise::loop::turn in(on);
-            line_->deliver_to(*inbox_);
-            datagrams->use(std::shared_ptr<inbox>(inbox_));
-        }
-        if (datagrams) reading_ = start(on, wait_for_end(*this));
-        else if (reads) reading_ = start(on, read(*this));
+        begin(reads);
+    }
+    /// At the other end: takes over a connection that was accepted on this loop.
+    raw_peer(sim_parties& all, std::unique_ptr<ise::loop_host> host, std::unique_ptr<ise::stream> accepted)
+        : all_(all), host_(std::move(host)), line_(std::move(accepted)) {
+        begin(true);
     }
     ~raw_peer() {
         line_->close();
@@ -135,6 +133,17 @@ public:
     bool ended = false; ///< the provider closed
 
 private:
+    void begin(bool reads) {
+        auto& on = host_->loop();
+        auto* datagrams = dynamic_cast<ise::net::datagram_stream*>(line_.get());
+        if (datagrams && reads) {
+            ise::loop::turn in(on);
+            line_->deliver_to(*inbox_);
+            datagrams->use(std::shared_ptr<inbox>(inbox_));
+        }
+        if (datagrams) reading_ = start(on, wait_for_end(*this));
+        else if (reads) reading_ = start(on, read(*this));
+    }
     void push() {
         while (!unsent_.empty() && !broken_) {
             asio::const_buffer raw(unsent_.data() + sent_, unsent_.size() - sent_);
