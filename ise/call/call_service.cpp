@@ -150,7 +150,7 @@ bool call_service::begin(call_origin& from, const incoming_call& call, incoming_
     worker.from_ = held<call_origin>(from);
     worker.began_ = began;
     worker.busy_ = worker.wanted_ = true;
-    worker.context_ = context_of_call(from, call);
+    describe(worker.context_, from, call);
     worker.deadline_.arm(call.deadline);
     worker.wake_.resume(true);
     return true;
@@ -244,16 +244,15 @@ void call_service::stop() {
     }
 }
 
-call_context call_service::context_of_call(const call_origin& from, const incoming_call& call) const {
-    call_context made;
-    made.service = name_;
-    made.caller = from.caller();
-    made.verified = &from.verified();
-    made.who = made.verified->who;
-    made.deadline = call.deadline;
-    made.trace = call.trace;
-    made.id = call.id;
-    return made;
+void call_service::describe(call_context& into, const call_origin& from, const incoming_call& call) const {
+    into.service = name_;
+    into.caller = from.caller();
+    into.verified = &from.verified();
+    into.who = into.verified->who;
+    into.deadline = call.deadline;
+    into.trace = call.trace;
+    into.id = call.id;
+    into.waiting = {};
 }
 
 } // namespace ise

@@ -111,7 +111,7 @@ protected:
     virtual void serve_now(call_origin&, const incoming_call&, incoming_packet&) {}
     /// For handlers that are coroutines.
     virtual std::unique_ptr<call_worker> make_worker() { return nullptr; }
-    call_context context_of_call(const call_origin& from, const incoming_call& call) const;
+    void describe(call_context& into, const call_origin& from, const incoming_call& call) const;
     /// Logs what a handler threw, at a bounded rate.
     void tell_failure(const call_origin& from, const failure& why);
     service_runtime& runtime() noexcept { return runtime_; }

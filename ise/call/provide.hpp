@@ -90,7 +90,8 @@ private:
     result<Response> answer(const call_origin& from, const incoming_call& call, Request request) {
         try {
             if constexpr (std::is_invocable_v<Handler&, Request, const call_context&>) {
-                auto context = context_of_call(from, call);
+                call_context context;
+                describe(context, from, call);
                 return handler_(std::move(request), context);
             } else {
                 return handler_(std::move(request));

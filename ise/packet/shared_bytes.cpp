@@ -42,11 +42,20 @@ shared_bytes shared_bytes_maker::share() {
         return shared_bytes(std::exchange(room_, buffer()));
     }
     last_big_ = 0;
+    auto made = make(size);
+    if (size > 0) std::memcpy(open(made), room_.data(), size);
+    return made;
+}
+
+shared_bytes shared_bytes_maker::make(std::size_t size) {
+    if (size > small_bytes) {
+        buffer own(size);
+        own.grow(size);
+        return shared_bytes(std::move(own));
+    }
     if (!has_room(size)) next_chunk(size);
     shared_bytes made = chunk_;
-    std::byte* at = chunk_.block_->content.grow(size);
-    if (size > 0) std::memcpy(at, room_.data(), size);
-    made.data_ = at;
+    made.data_ = chunk_.block_->content.grow(size);
     made.size_ = size;
     return made;
 }

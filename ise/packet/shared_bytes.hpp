@@ -88,6 +88,8 @@ public:
     }
     /// What is in the room, as shared bytes.
     shared_bytes share();
+    /// So many bytes, uninitialized: `open()` and write every one of them.
+    shared_bytes make(std::size_t size);
     /// To complete what was made here and nobody else has seen yet.
     static std::byte* open(const shared_bytes& made) noexcept { return const_cast<std::byte*>(made.data_); }
 

@@ -111,7 +111,8 @@ private:
 
     result<bytes> handled(const call_origin& from, const incoming_call& call, dynamic_packet request) {
         try {
-            auto context = context_of_call(from, call);
+            call_context context;
+            describe(context, from, call);
             auto response = handler_(std::move(request), context);
             if (!response) return response.error();
             try {
@@ -152,7 +153,7 @@ publication_core& dynamic_publication::core() const {
 published_packet dynamic_publication::made(const dynamic_packet& packet) const {
     auto& to = core();
     const fitted_bytes raw(packet, type_);
-    return to.encoded(current_trace(), [&raw](buffer& out) { out.append(raw.view()); });
+    return to.encoded(current_trace(), raw.view());
 }
 
 void dynamic_publication::operator()(const dynamic_packet& packet) const { core().publish(made(packet)); }

@@ -13,6 +13,9 @@ namespace ise::packet_frame {
 inline constexpr std::size_t head_bytes = wire::frame_header::size + 16;
 inline constexpr std::size_t trace_bytes = 24;
 
+/// The size of the head before a packet of this trace, or of none.
+inline std::size_t head_size(const trace_id& trace) noexcept { return trace ? head_bytes + trace_bytes : head_bytes; }
+
 inline void put_trace(std::byte* at, const trace_id& trace) noexcept {
     detail::store_little(at, trace.trace);
     detail::store_little(at + 8, trace.parent);

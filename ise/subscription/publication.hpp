@@ -11,40 +11,43 @@
 
 namespace ise {
 
-/// Awaited by `publication::send()`: publishes at once where there is room. The publication outlives it. Converts to
-/// an `ise::task` for whoever wants one, which may outlive the publication.
+/// Awaited by `publication::send()`, which has published at once where there was room; else it waits for room. The
+/// publication outlives it. Converts to an `ise::task` for whoever wants one, which may outlive the publication.
 class [[nodiscard]] send_packet final : public awaiter {
 public:
     /// @cond
+    send_packet() noexcept {} // published already; not `= default`: that would zero the whole of it first
     send_packet(const std::shared_ptr<publication_core>& to, published_packet&& packet) noexcept
-        : to_(to), packet_(std::move(packet)) {}
+        : waits_(std::in_place, to, std::move(packet)) {}
 
-    bool await_ready() {
-        if (!to_->has_room()) return false;
-        to_->publish(std::move(packet_));
-        return true;
-    }
+    bool await_ready() const noexcept { return !waits_; }
     template <class Promise>
     void await_suspend(std::coroutine_handle<Promise> coroutine) {
-        waiting_.emplace(send_when_room(to_, std::move(packet_))).await_suspend(coroutine);
+        waits_->going_on.emplace(send_when_room(waits_->to, std::move(waits_->packet))).await_suspend(coroutine);
     }
     void await_resume() const {
-        if (waiting_) waiting_->await_resume();
+        if (waits_) waits_->going_on->await_resume();
     }
     void cancel() override {} // the coroutine that waits is on the stack
 
-    operator task<>() && { return send_when_room(to_, std::move(packet_)); }
+    operator task<>() && { return waits_ ? send_when_room(waits_->to, std::move(waits_->packet)) : sent(); }
     /// @endcond
 
 private:
+    struct waiting {
+        waiting(const std::shared_ptr<publication_core>& on, published_packet&& made) noexcept
+            : to(on), packet(std::move(made)) {}
+        std::shared_ptr<publication_core> to;
+        published_packet packet;
+        std::optional<detail::task_awaiter<void>> going_on;
+    };
+    static task<> sent() { co_return; }
     static task<> send_when_room(std::shared_ptr<publication_core> core, published_packet packet) {
         if (!core->has_room()) co_await core->wait_for_room();
         core->publish(std::move(packet));
     }
 
-    const std::shared_ptr<publication_core>& to_;
-    published_packet packet_;
-    std::optional<detail::task_awaiter<void>> waiting_;
+    std::optional<waiting> waits_;
 };
 
 /// A subscription service that this component provides. Calling it publishes a packet to all subscribers by their
@@ -88,9 +91,9 @@ public:
     /// Waits until every connected lossless subscriber has room, then publishes. The subscription of one that is silent
     /// for `max_silence`, or takes nothing for `max_stall`, ends. Cancellation: terminal, the packet is not published.
     /// The packet is encoded, or copied, before this returns.
-    send_packet send(const packet_type& packet) const { return send_packet(held(), made(packet)); }
+    send_packet send(const packet_type& packet) const { return send_made(packet); }
     /// The same by move: `co_await out.send(std::move(packet))`.
-    send_packet send(packet_type&& packet) const { return send_packet(held(), made(std::move(packet))); }
+    send_packet send(packet_type&& packet) const { return send_made(std::move(packet)); }
 
     /// Publishes if every lossless subscriber has room; otherwise does nothing and returns false, and the caller awaits
     /// `send`. For publishing many packets without suspending while there is room.
@@ -112,16 +115,21 @@ private:
     }
     publication_core& core() const { return *held(); }
     template <class Packet>
+    send_packet send_made(Packet&& packet) const {
+        if (!core().has_room()) return send_packet(core_, made(std::forward<Packet>(packet)));
+        core().publish(made(std::forward<Packet>(packet)));
+        return {};
+    }
+    template <class Packet>
     published_packet made(Packet&& packet) const {
         if constexpr (travels_as_object<packet_type>) {
             if (core().wants_object()) {
-                published_packet made;
-                made.object = share_packet<packet_type>(std::forward<Packet>(packet));
-                made.trace = current_trace();
-                return made;
+                return {share_packet<packet_type>(std::forward<Packet>(packet)), current_trace()};
             }
         }
-        return core().encoded(current_trace(), [&packet](buffer& out) { encode(packet, out); });
+        if constexpr (detail::codec<packet_type>::raw)
+            return core().encoded(current_trace(), detail::raw_bytes(packet));
+        else return core().encoded(current_trace(), [&packet](buffer& out) { encode(packet, out); });
     }
 
     std::shared_ptr<publication_core> core_;

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 
 namespace ise {
@@ -28,17 +29,26 @@ bool publication_core::wants_object() const noexcept { return object_takers > 0 
 
 std::size_t publication_core::subscribers() const noexcept { return all_.size(); }
 
+// The head is completed in publish.
 published_packet publication_core::encoded(const trace_id& trace, function_ref<void(buffer&)> write_packet) {
     auto& room = maker_.room();
-    room.grow(packet_frame::head_bytes + (trace ? packet_frame::trace_bytes : 0)); // is completed in publish
+    room.grow(packet_frame::head_size(trace));
     write_packet(room);
-    if (room.size() > std::numeric_limits<std::uint32_t>::max())
-        throw error(errc::too_large,
-                    fmt::format("a packet of '{}' has {} bytes, which no frame holds", name(), room.size()));
-    published_packet made;
-    made.frame = maker_.share();
-    made.trace = trace;
-    return made;
+    check_size(room.size());
+    return {maker_.share(), trace};
+}
+
+published_packet publication_core::encoded(const trace_id& trace, bytes_view packet) {
+    const auto head = packet_frame::head_size(trace);
+    check_size(head + packet.size());
+    auto frame = maker_.make(head + packet.size());
+    if (!packet.empty()) std::memcpy(shared_bytes_maker::open(frame) + head, packet.data(), packet.size());
+    return {std::move(frame), trace};
+}
+
+void publication_core::check_size(std::size_t frame) const {
+    if (frame > std::numeric_limits<std::uint32_t>::max())
+        throw error(errc::too_large, fmt::format("a packet of '{}' has {} bytes, which no frame holds", name(), frame));
 }
 
 shared_bytes publication_core::frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at,
@@ -96,7 +106,7 @@ std::optional<published_packet> publication_core::last_packet(bool as_object) {
         made.frame = last_->frame;
         const auto head = packet_frame::head_size(made.frame.view().data());
         if (last_->sequence == sequence_ && head == packet_frame::head_bytes) return made;
-        made.frame = encoded({}, [&](buffer& out) { out.append(last_->frame.view().subspan(head)); }).frame;
+        made.frame = encoded({}, last_->frame.view().subspan(head)).frame;
         packet_frame::complete(shared_bytes_maker::open(made.frame), made.frame.size(), usual_id, sequence_,
                                made.published_at);
         return made;

@@ -42,6 +42,8 @@ public:
     /// Encodes a packet once for all subscribers, as a frame that is completed when it is published. It belongs to
     /// `trace`, if that is one.
     published_packet encoded(const trace_id& trace, function_ref<void(buffer&)> write_packet);
+    /// The same of a packet that is encoded already.
+    published_packet encoded(const trace_id& trace, bytes_view packet);
     using choice = function_ref<bool(const subscriber_info&)>;
     /// Publishes to all subscribers; never blocks. With `wants`: only to those that it names; for the others it is
     /// skipped, which is no loss, and it is no last value.
@@ -92,6 +94,7 @@ private:
     result<remote_subscriber*> resume(remote_subscriber& who, const wire::subscribe& terms, bool takes_objects,
                                       wire::subscribed& answer, std::uint64_t& lost);
     failure cannot_resume(const wire::subscribe& terms, std::uint64_t& lost) const;
+    void check_size(std::size_t frame) const;
     void record_publication(trace_id& trace) const;
     void drop(remote_subscriber& who);
     subscriber_info take_out(remote_subscriber& who);

@@ -60,7 +60,7 @@ remote_subscriber::remote_subscriber(subscriber_group& of, const wire::subscribe
     : group_(of), policy_(terms.policy), depth_(std::clamp<std::uint32_t>(terms.depth, 1, limit::subscription_depth)),
       credit_(terms.credit),
       min_interval_(static_cast<std::int64_t>(std::min<std::uint64_t>(terms.min_interval_ns, std::int64_t{1} << 62))),
-      info_(std::move(info)) {
+      max_bytes_(of.runtime().options().queued_bytes()), info_(std::move(info)) {
     if (policy_ == overflow::keep_latest) depth_ = 1;
     auto& env = of.runtime().env();
     for (std::size_t half = 0; half < ticket_.size(); half += 8)
@@ -231,7 +231,7 @@ void remote_subscriber::grant(std::uint64_t total) {
 bool remote_subscriber::full(std::size_t more) const noexcept {
     if (queue_.size() - resent_ >= depth_) return true;
     const auto waiting = line_ ? line_->held_bytes() : held();
-    return !queue_.empty() && waiting + more > group_.runtime().options().queued_bytes();
+    return !queue_.empty() && waiting + more > max_bytes_;
 }
 
 bool remote_subscriber::offer(const published_packet& packet) {

@@ -114,6 +114,7 @@ private:
     std::uint32_t skipped_ = 0; // since the last packet that was queued
     time_point next_allowed_{};
     time_point full_since_ = time_point::max(); // lossless: nothing was taken since
+    const std::size_t max_bytes_;               // that wait
     subscriber_info info_;
     std::unique_ptr<timer> linger_;
 };

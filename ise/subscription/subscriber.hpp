@@ -22,22 +22,18 @@ class [[nodiscard]] next_packet final : public awaiter {
 public:
     explicit next_packet(const std::shared_ptr<core>& of) noexcept : of_(of) {}
 
-    bool await_ready() {
-        got_ = of_->take();
-        return got_ || of_->ended();
-    }
+    bool await_ready() { return of_->decode_front() || of_->ended(); }
     template <class Promise>
     void await_suspend(std::coroutine_handle<Promise> coroutine) {
         waiting_.emplace(core::next(of_)).await_suspend(coroutine);
     }
-    value await_resume() { return waiting_ ? waiting_->await_resume() : std::move(got_); }
+    value await_resume() { return waiting_ ? waiting_->await_resume() : of_->take_front(); }
     void cancel() override {} // the coroutine that waits is on the stack
 
     operator task<value>() && { return core::next(of_); }
 
 private:
     const std::shared_ptr<core>& of_;
-    value got_;
     std::optional<detail::task_awaiter<value>> waiting_;
 };
 
@@ -71,7 +67,10 @@ public:
     next_packet<Contract> next() { return next_packet<Contract>(held()); }
 
     /// A packet that has already arrived, or an empty one. Never suspends.
-    received<packet_type> try_next() { return held()->take(); }
+    received<packet_type> try_next() {
+        auto& from = *held();
+        return from.decode_front() ? from.take_front() : received<packet_type>();
+    }
 
     /// The provider's response to the subscription.
     const response_type& response() const { return held()->response; }
@@ -122,11 +121,8 @@ public:
     using subscriber_core::subscriber_core;
 
     static task<received<packet_type>> next(std::shared_ptr<core> self) {
-        for (;;) {
-            auto packet = self->take();
-            if (packet || self->ended()) co_return packet;
-            co_await self->wait_for_packet();
-        }
+        while (!self->decode_front() && !self->ended()) co_await self->wait_for_packet();
+        co_return self->take_front();
     }
 
     static task<typename Contract::unsubscribe_response> leave_with(std::shared_ptr<core> self,
@@ -140,23 +136,30 @@ public:
         co_return response;
     }
 
-    received<packet_type> take() {
+    /// Whether there is a packet to take: decodes the oldest one, and drops those that cannot be decoded.
+    bool decode_front() {
         while (!queue_.empty()) {
             auto waiting = queue_.front();
             if constexpr (travels_as_object<packet_type>) {
-                if (auto shared = waiting.template shared<packet_type>())
-                    return received<packet_type>(std::move(shared), take_packet());
+                shared_ = waiting.template shared<packet_type>();
+                if (shared_) return true;
             }
-            auto& packet = unheld();
             try {
-                decode_into(*packet, waiting.bytes());
+                decode_into(*unheld(), waiting.bytes());
+                return true;
             } catch (const error& unreadable) {
                 drop_undecodable(unreadable);
-                continue;
             }
-            return received<packet_type>(packet, take_packet());
         }
-        return {};
+        return false;
+    }
+
+    /// The packet that was decoded. Empty where the subscription has ended and there is none.
+    received<packet_type> take_front() {
+        if (queue_.empty()) return {};
+        if constexpr (travels_as_object<packet_type>)
+            if (shared_) return received<packet_type>(std::exchange(shared_, {}), take_packet());
+        return received<packet_type>(cells_[0], take_packet());
     }
 
     response_type response{};
@@ -176,7 +179,8 @@ private:
         return cells_[0];
     }
 
-    counted<packet_type> cells_[2];
+    counted<packet_type> cells_[2]; // the first one holds what was decoded last
+    counted<packet_type> shared_;   // in its place, where the publisher is in this process
 };
 
 } // namespace ise

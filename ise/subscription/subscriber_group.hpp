@@ -23,6 +23,10 @@ struct subscriber_info {
 
 /// A packet that is being published: as a frame (`packet_frame`), as an object, or both, as its subscribers need it.
 struct published_packet {
+    published_packet() = default;
+    published_packet(shared_bytes made, const trace_id& of) noexcept : frame(std::move(made)), trace(of) {}
+    published_packet(shared_packet made, const trace_id& of) noexcept : object(std::move(made)), trace(of) {}
+
     shared_bytes frame;
     shared_packet object;
     std::uint64_t sequence = 0;

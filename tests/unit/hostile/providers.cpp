@@ -53,7 +53,7 @@ ise::bytes frame_of(const packet& of) {
         if (of.flags & flag::skipped) body.append(std::uint32_t{1});
         if (of.flags & flag::stamped) body.append(static_cast<std::int64_t>(1'000 + of.sequence));
         if (of.flags & flag::caused)
-            for (std::uint64_t part : {5, 6, 7}) body.append(part);
+            for (auto part : {std::uint64_t{5}, std::uint64_t{6}, std::uint64_t{7}}) body.append(part);
         auto content = ise::encode(fix{1.0 * static_cast<double>(of.sequence), 0, 0});
         body.append(ise::bytes_view(content));
         to.append(body.view().first(std::min(of.size, body.size())));
