@@ -29,10 +29,11 @@ bytes encode(const T& value) {
 }
 
 namespace detail {
-/// What `encode` appends, of a packet whose memory is that.
+/// What `encode` appends, of a packet whose memory is just that (`codec<T>::raw`).
 template <class T>
-requires(codec<T>::raw) bytes_view raw_bytes(const T& packet)
-noexcept { return {static_cast<const std::byte*>(static_cast<const void*>(&packet)), sizeof(T)}; }
+bytes_view raw_bytes(const T& packet) noexcept {
+    return {static_cast<const std::byte*>(static_cast<const void*>(&packet)), sizeof(T)};
+}
 template <class T>
 bool read_whole(reader& in, T& value) {
     return in(value) && in.finish();

@@ -16,6 +16,12 @@ namespace ise {
 
 using wire::overflow;
 
+namespace {
+
+constexpr std::size_t max_frame_bytes = std::numeric_limits<std::uint32_t>::max();
+
+} // namespace
+
 publication_core::publication_core(service_runtime& runtime, std::string name, const packet_types& types)
     : subscriber_group(runtime, std::move(name)), types_(types) {}
 
@@ -34,21 +40,21 @@ published_packet publication_core::encoded(const trace_id& trace, function_ref<v
     auto& room = maker_.room();
     room.grow(packet_frame::head_size(trace));
     write_packet(room);
-    check_size(room.size());
+    if (room.size() > max_frame_bytes) throw_too_large(room.size());
     return {maker_.share(), trace};
 }
 
 published_packet publication_core::encoded(const trace_id& trace, bytes_view packet) {
     const auto head = packet_frame::head_size(trace);
-    check_size(head + packet.size());
-    auto frame = maker_.make(head + packet.size());
+    const auto size = head + packet.size();
+    if (size > max_frame_bytes) throw_too_large(size);
+    auto frame = maker_.make(size);
     if (!packet.empty()) std::memcpy(shared_bytes_maker::open(frame) + head, packet.data(), packet.size());
     return {std::move(frame), trace};
 }
 
-void publication_core::check_size(std::size_t frame) const {
-    if (frame > std::numeric_limits<std::uint32_t>::max())
-        throw error(errc::too_large, fmt::format("a packet of '{}' has {} bytes, which no frame holds", name(), frame));
+void publication_core::throw_too_large(std::size_t frame) const {
+    throw error(errc::too_large, fmt::format("a packet of '{}' has {} bytes, which no frame holds", name(), frame));
 }
 
 shared_bytes publication_core::frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at,

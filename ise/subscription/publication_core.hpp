@@ -94,7 +94,7 @@ private:
     result<remote_subscriber*> resume(remote_subscriber& who, const wire::subscribe& terms, bool takes_objects,
                                       wire::subscribed& answer, std::uint64_t& lost);
     failure cannot_resume(const wire::subscribe& terms, std::uint64_t& lost) const;
-    void check_size(std::size_t frame) const;
+    [[noreturn]] void throw_too_large(std::size_t frame) const;
     void record_publication(trace_id& trace) const;
     void drop(remote_subscriber& who);
     subscriber_info take_out(remote_subscriber& who);

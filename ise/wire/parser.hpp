@@ -48,8 +48,8 @@ public:
         return true;
     }
 
-    /// `first` was taken: takes the whole frames behind it that have its type, flags and id, too. Returns all of them with
-    /// `first`, and counts the others. Valid as long as its body.
+    /// `first` was taken: takes the whole frames behind it with the same type, flags and id, too. Returns all of them
+    /// with `first`, and counts the others. Valid as long as its body.
     bytes_view take_alike(const frame& first, std::uint64_t& others) noexcept;
 
     /// The frame that has begun, with what has come of its body; only where it is sound, and `take` found none whole.

@@ -74,6 +74,44 @@ TEST_CASE("every prefix of a stream gives the frames that are whole in it") {
     }
 }
 
+TEST_CASE("frames of one type, one id and the same flags are taken together, as far as they are whole and sound") {
+    ise::buffer raw;
+    auto put = [&raw](std::uint64_t id, std::uint8_t flags, std::size_t size) {
+        ise::wire::put_frame(raw, frame_type::packet, flags, id,
+                             [&](ise::buffer& body) { std::memset(body.grow(size), static_cast<int>(id), size); });
+    };
+    put(1, 2, 5);
+    put(1, 2, 0);
+    put(1, 2, 40); // 93 bytes
+    const std::size_t alike = raw.size();
+    const std::uint64_t whole_others = 2;
+    SECTION("then another id") { put(2, 2, 5); }
+    SECTION("then other flags") { put(1, 3, 5); }
+    SECTION("then another type") {
+        ise::wire::put_frame(raw, frame_type::ended, 2, 1, [](ise::buffer&) {});
+    }
+    SECTION("then one that is too long") {
+        put(1, 2, 5);
+        raw.patch_u32(alike, 2000);
+    }
+    SECTION("then none") {}
+    const std::size_t after = raw.size();
+    for (std::size_t length = 21; length <= after; ++length) {
+        parser in(1000);
+        in.add(raw.view().first(length));
+        ise::wire::frame first;
+        REQUIRE(in.take(first));
+        std::uint64_t others = 0;
+        const auto run = in.take_alike(first, others);
+        const std::uint64_t expected = length >= alike ? whole_others : length >= 37 ? 1 : 0;
+        CHECK(others == expected);
+        const std::size_t sizes[] = {21, 37, alike};
+        CHECK(run.size() == sizes[expected]);
+        CHECK(std::memcmp(run.data(), raw.data(), run.size()) == 0);
+        CHECK(in.pending() == length - run.size());
+    }
+}
+
 TEST_CASE("a buffer that little is read into shrinks, and one without a part of a frame is given back") {
     parser in(1 << 20);
     feed(in, frames_of({200'000}), 1000);
