@@ -46,10 +46,12 @@ ise::task<> mission::script::run() {
     co_await sleep_till(of_.began_ + plan.length);
     auto ended = of_.elapsed();
     for (const auto& one : of_.options_.windows) of_.options_.say("leave " + one.name);
+    // The boat goes on sending: a judgement of a later instant would find packets that nobody can have been shown yet.
     auto over = [this] { return windows_left() && nothing_owed(); };
-    for (bool calm = over(); !calm && of_.elapsed() - ended < of_.options_.max_calm; calm = over()) co_await sleep(1s);
+    bool calm = over();
+    for (; !calm && of_.elapsed() - ended < of_.options_.max_calm; calm = over()) co_await sleep(1s);
     of_.told_.calm = of_.elapsed() - ended;
-    if (!of_.judge()) of_.trouble_ = "what the communication nodes keep cannot be read";
+    if (!calm && !of_.judge()) of_.trouble_ = "what the communication nodes keep cannot be read";
     co_await learn();
     of_.ask(task::over);
 }
