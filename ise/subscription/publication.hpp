@@ -90,7 +90,7 @@ public:
 
     /// Waits until every connected lossless subscriber has room, then publishes. The subscription of one that is silent
     /// for `max_silence`, or takes nothing for `max_stall`, ends. Cancellation: terminal, the packet is not published.
-    /// The packet is encoded, or copied, before this returns.
+    /// The packet is encoded, or copied, before this returns; where there is room, it is published before this returns.
     send_packet send(const packet_type& packet) const { return send_made(packet); }
     /// The same by move: `co_await out.send(std::move(packet))`.
     send_packet send(packet_type&& packet) const { return send_made(std::move(packet)); }
