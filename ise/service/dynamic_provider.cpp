@@ -163,18 +163,9 @@ void dynamic_publication::to_some(const dynamic_packet& packet,
     core().publish_to(made(packet), wants);
 }
 
-namespace {
-
-task<> send_when_room(std::shared_ptr<publication_core> core, published_packet packet) {
-    if (!core->has_room()) co_await core->wait_for_room();
-    core->publish(std::move(packet));
-}
-
-} // namespace
-
 task<> dynamic_publication::send(const dynamic_packet& packet) const {
     auto ready = made(packet); // also checks that there is a core
-    return send_when_room(core_, std::move(ready));
+    return publication_core::send_when_room(core_, std::move(ready));
 }
 
 bool dynamic_publication::try_send(const dynamic_packet& packet) const {

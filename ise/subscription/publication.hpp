@@ -23,14 +23,17 @@ public:
     bool await_ready() const noexcept { return !waits_; }
     template <class Promise>
     void await_suspend(std::coroutine_handle<Promise> coroutine) {
-        waits_->going_on.emplace(send_when_room(waits_->to, std::move(waits_->packet))).await_suspend(coroutine);
+        waits_->going_on.emplace(publication_core::send_when_room(waits_->to, std::move(waits_->packet)))
+            .await_suspend(coroutine);
     }
     void await_resume() const {
         if (waits_) waits_->going_on->await_resume();
     }
     void cancel() override {} // the coroutine that waits is on the stack
 
-    operator task<>() && { return waits_ ? send_when_room(waits_->to, std::move(waits_->packet)) : sent(); }
+    operator task<>() && {
+        return waits_ ? publication_core::send_when_room(waits_->to, std::move(waits_->packet)) : sent();
+    }
     /// @endcond
 
 private:
@@ -42,11 +45,6 @@ private:
         std::optional<detail::task_awaiter<void>> going_on;
     };
     static task<> sent() { co_return; }
-    static task<> send_when_room(std::shared_ptr<publication_core> core, published_packet packet) {
-        if (!core->has_room()) co_await core->wait_for_room();
-        core->publish(std::move(packet));
-    }
-
     std::optional<waiting> waits_;
 };
 

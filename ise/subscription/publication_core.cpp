@@ -174,6 +174,11 @@ task<> publication_core::wait_for_room() {
     }
 }
 
+task<> publication_core::send_when_room(std::shared_ptr<publication_core> to, published_packet packet) {
+    if (!to->has_room()) co_await to->wait_for_room();
+    to->publish(std::move(packet));
+}
+
 void publication_core::end_holding_up(time_point since) {
     const auto now = runtime().on().now();
     for (;;) {

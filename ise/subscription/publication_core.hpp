@@ -53,6 +53,8 @@ public:
     bool has_room() const noexcept;
     /// Waits until it has, or a subscriber has been silent for too long. Cancellation: terminal.
     task<> wait_for_room();
+    /// The same, then publishes.
+    static task<> send_when_room(std::shared_ptr<publication_core> to, published_packet packet);
 
     std::size_t subscribers() const noexcept;
     std::uint64_t published() const noexcept { return sequence_; }

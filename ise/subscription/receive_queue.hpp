@@ -68,7 +68,8 @@ public:
     }
 
 private:
-    // What stands in the place of the frame's flags, and for all but `as_it_came` the lost packets in that of its id.
+    // Marks take the place of the frame's flags. Except in a frame `as_it_came`, the number of lost packets takes the
+    // place of its id.
     static constexpr std::uint8_t as_it_came = wire::flag::stamped;
     static constexpr std::uint8_t marked = 16, object_mark = 32, traced_mark = 64;
 

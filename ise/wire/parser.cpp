@@ -70,10 +70,9 @@ bytes_view parser::take_alike(const frame& first, std::uint64_t& others) noexcep
     const std::byte* const from = first.body.data() - frame_header::size;
     while (pending() >= frame_header::size) {
         const auto header = read_header(storage_.data() + begin_);
-        if (header.type != first.header.type || header.flags != first.header.flags || header.id != first.header.id ||
-            !sound(header) || pending() < frame_header::size + header.length)
+        if (header.type != first.header.type || header.flags != first.header.flags || header.id != first.header.id)
             break;
-        begin_ += frame_header::size + header.length;
+        if (frame another; !take(another)) break;
         ++others;
     }
     return {from, storage_.data() + begin_};

@@ -62,8 +62,8 @@ ise::bytes frame_of(const packet& of) {
 }
 
 // A subscriber of a provider that plays by a script, and takes nothing before the end of it.
-struct strait {
-    explicit strait(ise::subscribe_options options) {
+struct scripted_provider {
+    explicit scripted_provider(ise::subscribe_options options) {
         auto host = sea.make_loop("raw");
         auto ear = sea.listen(host->loop(), ise::endpoint::parse("tcp://0.0.0.0:7400").value()).value();
         std::unique_ptr<ise::stream> line;
@@ -110,7 +110,7 @@ struct strait {
         auto came = co_await at.accept();
         into = std::move(came.second);
     }
-    static ise::task<> follow(strait& self, ise::remote from, ise::subscribe_options options) {
+    static ise::task<> follow(scripted_provider& self, ise::remote from, ise::subscribe_options options) {
         self.fixes = co_await from.subscribe(position, options);
         self.subscribed = true;
     }
@@ -162,7 +162,7 @@ TEST_CASE("packets that come together are treated as those that come one by one"
     if (policy == 4) options.policy = ise::overflow::disconnect;
     INFO(which << " " << policy);
 
-    strait alone(options), together(options), halves(options);
+    scripted_provider alone(options), together(options), halves(options);
     ise::bytes stream;
     for (const auto& one : voyage(which)) {
         auto frame = frame_of(one);
@@ -186,7 +186,7 @@ TEST_CASE("packets that come together are treated as those that come one by one"
 }
 
 TEST_CASE("hostile: a provider that publishes beyond the credit of a lossless subscriber ends the subscription") {
-    strait at(ise::subscribe_options::lossless(5));
+    scripted_provider at(ise::subscribe_options::lossless(5));
     ise::bytes stream;
     for (std::uint64_t i = 1; i <= 100; ++i) {
         auto frame = frame_of({i});
