@@ -306,7 +306,7 @@ task<> list_policies(context& in) {
     auto names = co_await listed_names(in, "");
     auto all = std::make_shared<std::vector<policy_line>>();
     auto open = std::make_shared<std::size_t>(names.size() + 1);
-    waiter<> done(in.self.on(), [&done] { done.resume(); });
+    waiter<> done(in.self.on());
     auto one_at = in;
     one_at.until = in.self.now() + in.set.timeout / 2;
     in.self.spawn("policy", ask_policy(one_at, std::string(naming::server_path), all, open, &done));

@@ -63,7 +63,7 @@ void check_learned_file(const learn_options& options) {
 task<> learn_access(context& in, learn_options options) {
     learning seen;
     bool over = false;
-    waiter<> pause(in.self.on(), [&pause] { pause.resume(); });
+    waiter<> pause(in.self.on());
     auto finish = [&over, &pause] {
         over = true;
         pause.resume();

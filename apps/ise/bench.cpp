@@ -132,7 +132,7 @@ task<> bench(context& in, bench_options options) {
     auto first = co_await call_once(*what, in.left()); // makes the connection, and what fails always fails here
     if (first) throw problem(*first);
     auto seen = std::make_shared<tally>();
-    waiter<> done(in.self.on(), [&done] { done.resume(); });
+    waiter<> done(in.self.on());
     struct listed {
         tally& of;
         ~listed() { of.waiting = nullptr; }

@@ -106,7 +106,7 @@ task<> echo(context& in, echo_options options) {
 
 // Several components or services at once: what they publish, line by line, and who listens to whom.
 struct medley {
-    explicit medley(loop& on) : news(on, [this] { news.resume(); }) {}
+    explicit medley(loop& on) : news(on) {}
 
     waiter<> news;
     std::string text;             // to be written

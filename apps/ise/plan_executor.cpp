@@ -177,7 +177,7 @@ void plan_executor::on_interrupt() {
 }
 
 task<> plan_executor::wait_for_change() {
-    waiter<> result(in_.self.on(), [&result] { result.resume(); });
+    waiter<> result(in_.self.on());
     struct listed {
         plan_executor& of;
         ~listed() { of.changed_ = nullptr; }

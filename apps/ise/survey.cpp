@@ -92,7 +92,7 @@ task<std::vector<surveyed>> survey(context& in, survey_options options) {
         of->all.emplace_back();
         of->all.back().name = std::move(one);
     }
-    waiter<> done(in.self.on(), [&done] { done.resume(); });
+    waiter<> done(in.self.on());
     struct listed {
         inquiry& of;
         ~listed() { of.waiting = nullptr; }

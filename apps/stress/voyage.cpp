@@ -263,16 +263,20 @@ void voyage::sail() {
         tell(static_cast<double>(world_.elapsed().count()) / static_cast<double>(options_.length.count()));
     }
     auto ended = world_.elapsed();
-    for (int i = 0; i < 180 && !nothing_owed(); ++i) {
-        world_.run_for(10s);
-        tell(1);
-    }
+    auto settle = [&] {
+        for (int i = 0; i < 180 && !nothing_owed(); ++i) {
+            world_.run_for(10s);
+            tell(1);
+        }
+    };
+    settle();
     told_.calm = world_.elapsed() - ended;
     if (!recording_) return;
     recording_->stop();
     world_.run_until([this] { return recording_->all_stopped(); });
     for (const auto& one : recording_->reports())
         if (!one.failure.empty()) throw ise::error(ise::errc::io_failed, one.failure);
+    settle(); // the world went on meanwhile, and the verdict is one of this instant
 }
 
 /// What was owed at the end has come, and everybody knows of it. What comes meanwhile is new, and so the answer is one

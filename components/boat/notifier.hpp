@@ -33,9 +33,7 @@ public:
 
 private:
     struct waiting {
-        explicit waiting(ise::loop& on)
-            : wake(on, [this] { wake.resume(asio::error::operation_aborted); }), late(on, [this] { wake.resume({}); }) {
-        }
+        explicit waiting(ise::loop& on) : wake(on), late(on, [this] { wake.resume({}); }) {}
         ise::waiter<std::error_code> wake;
         ise::timer late;
     };

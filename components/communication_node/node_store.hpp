@@ -110,7 +110,7 @@ public:
 
 private:
     struct state {
-        explicit state(ise::loop& on) : wake(on, [this] { wake.resume(asio::error::operation_aborted); }) {}
+        explicit state(ise::loop& on) : wake(on) {}
         std::optional<ise::result<T>> came;
         ise::waiter<std::error_code> wake;
     };

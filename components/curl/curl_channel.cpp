@@ -17,8 +17,7 @@ namespace atirma {
 /// registered twice.
 struct curl_channel::waits {
     waits(ise::loop& on, int socket)
-        : loop(on), wake(on, [this] { wake.resume(asio::error::operation_aborted); }),
-          descriptor(on.get_executor(), ::fcntl(socket, F_DUPFD_CLOEXEC, 0)) {}
+        : loop(on), wake(on), descriptor(on.get_executor(), ::fcntl(socket, F_DUPFD_CLOEXEC, 0)) {}
     ise::loop& loop;
     ise::waiter<std::error_code> wake;
     asio::posix::stream_descriptor descriptor;

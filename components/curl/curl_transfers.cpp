@@ -40,7 +40,7 @@ public:
     }
 
     struct transfer {
-        explicit transfer(ise::loop& on) : wake(on, [this] { wake.resume(asio::error::operation_aborted); }) {}
+        explicit transfer(ise::loop& on) : wake(on) {}
         std::optional<CURLcode> code;
         ise::waiter<std::error_code> wake;
     };

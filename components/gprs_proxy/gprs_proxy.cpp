@@ -41,7 +41,7 @@ struct gprs_proxy::link {
                                                   shore.on_time(self.now());
                                                   self.act();
                                               }),
-          more(self.on(), [this] { more.resume(asio::error::operation_aborted); }) {}
+          more(self.on()) {}
 
     std::unique_ptr<seal::shore_link> seal; // empty: no key
     gprs::shore shore;

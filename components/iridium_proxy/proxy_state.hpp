@@ -27,9 +27,7 @@ namespace atirma {
 
 struct proxy_state {
     proxy_state(ise::component& of, sbd_store opened, const link_policy& policy, std::function<void()> hand_on)
-        : store(std::move(opened)), commands(of, policy),
-          wake_sender(of.on(), [this] { wake_sender.resume(asio::error::operation_aborted); }),
-          more(of.on(), [this] { more.resume(asio::error::operation_aborted); }),
+        : store(std::move(opened)), commands(of, policy), wake_sender(of.on()), more(of.on()),
           hand_on_soon(of.on(), std::move(hand_on)) {}
 
     std::unique_ptr<seal::shore_link> seal; // empty: no key

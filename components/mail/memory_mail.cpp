@@ -22,8 +22,7 @@ std::string lower(std::string text) {
 class memory_mail::box final : public mailbox {
 public:
     box(ise::loop& on, memory_mail& server, const std::string& address)
-        : on_(on), server_(server), folder_(server.folder_of(address)),
-          new_mail_(on, [this] { new_mail_.resume(asio::error::operation_aborted); }) {
+        : on_(on), server_(server), folder_(server.folder_of(address)), new_mail_(on) {
         folder_.open.insert(this);
     }
     ~box() override { folder_.open.erase(this); }

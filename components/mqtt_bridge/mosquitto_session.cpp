@@ -102,9 +102,8 @@ class mosquitto_session final : public broker_session {
 
 public:
     mosquitto_session(loop& on, broker_options options, session_events events)
-        : loop_(on), options_(std::move(options)), events_(std::move(events)),
-          wake_(on, [this] { wake_.resume(asio::error::operation_aborted); }), misc_(on, [this] { look_after(); }),
-          later_(on, [this] { write(); }) {}
+        : loop_(on), options_(std::move(options)), events_(std::move(events)), wake_(on),
+          misc_(on, [this] { look_after(); }), later_(on, [this] { write(); }) {}
     ~mosquitto_session() override {
         watch_.reset();
         handle_.reset();

@@ -45,7 +45,7 @@ struct mqtt_bridge::state {
         : in(std::move(shared)), disk(std::move(opened)), out(std::move(to)),
           feeds(std::make_shared<service_feeds>(in, out)),
           calls(std::make_shared<client_calls>(in, out, disk, in->self.env().random() >> 1)), publications(in),
-          wake(in->self.on(), [this] { wake.resume(asio::error::operation_aborted); }) {}
+          wake(in->self.on()) {}
 
     std::shared_ptr<bridge_context> in;
     std::shared_ptr<database> disk;

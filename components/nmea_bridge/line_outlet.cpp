@@ -9,9 +9,7 @@
 namespace atirma {
 
 struct line_outlet::client {
-    client(ise::loop& on, ise::net::admitted of)
-        : stream(std::move(of.line)), wake(on, [this] { wake.resume(asio::error::operation_aborted); }),
-          place(std::move(of.place)) {
+    client(ise::loop& on, ise::net::admitted of) : stream(std::move(of.line)), wake(on), place(std::move(of.place)) {
         place->serve(); // a client is given lines and need not say anything
         place->on_displaced([this] { close(); });
     }

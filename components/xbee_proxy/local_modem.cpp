@@ -143,7 +143,7 @@ ise::task<xbee_param> local_modem::parameter(xbee_param_request request) {
 
 ise::task<xbee::at_outcome> local_modem::ask(xbee::at_name name, ise::bytes parameter) {
     struct waiting {
-        explicit waiting(ise::loop& on) : wake(on, [this] { wake.resume(asio::error::operation_aborted); }) {}
+        explicit waiting(ise::loop& on) : wake(on) {}
         ise::waiter<std::error_code> wake;
         std::optional<xbee::at_outcome> answer;
     };

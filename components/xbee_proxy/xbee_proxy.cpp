@@ -31,8 +31,7 @@ constexpr ise::duration boat_is_near = 30s; // since it was heard; receipts woul
 struct xbee_proxy::radio {
     radio(xbee_proxy& self, const xbee_proxy_options& options)
         : port(self.on(), self.log(), options.port), modem(self.on(), port), commands(self, options.policy),
-          hand_on_soon(self.on(), [this] { hand_on(); }), stored(!options.store_at.empty()),
-          more(self.on(), [this] { more.resume(asio::error::operation_aborted); }) {}
+          hand_on_soon(self.on(), [this] { hand_on(); }), stored(!options.store_at.empty()), more(self.on()) {}
 
     /// The boat's modem has the radio's acknowledgement, and so the boat does not send it again: it waits here for the
     /// first subscriber, such as a communication node that has not found this proxy's new life yet.

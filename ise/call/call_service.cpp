@@ -11,7 +11,7 @@
 namespace ise {
 
 call_worker::call_worker(call_service& service, service_runtime& runtime)
-    : service_(service), runtime_(runtime), wake_(runtime.on(), nullptr),
+    : service_(service), runtime_(runtime), wake_(runtime.on(), uninterrupted),
       deadline_(runtime.on(), [this] { expire(); }) {}
 
 // A call that leads back to the handler that made it can only be among those that came while it ran.

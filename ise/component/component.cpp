@@ -77,7 +77,7 @@ namespace detail {
 namespace {
 
 struct offloaded {
-    explicit offloaded(loop& on) : wake(on, [] {}) {} // not interrupted: the job uses its coroutine's variables
+    explicit offloaded(loop& on) : wake(on, uninterrupted) {} // the job uses its coroutine's variables
     unique_function<void()> job;
     waiter<> wake;
     std::exception_ptr thrown;

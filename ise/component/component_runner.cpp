@@ -205,7 +205,7 @@ void component_runner::tell_announced() {
 
 task<> component_runner::ready() {
     announce();
-    waiter<> result(on(), [&result] { result.resume(); });
+    waiter<> result(on());
     struct listed {
         std::vector<waiter<>*>& all;
         waiter<>* who;

@@ -230,8 +230,7 @@ public:
 private:
     /// The components that are asked at one time.
     struct round {
-        explicit round(loop& on)
-            : answered(on, [this] { answered.resume(); }), late(on, [this] { answered.resume(); }) {}
+        explicit round(loop& on) : answered(on), late(on, [this] { answered.resume(); }) {}
 
         std::vector<component_figures> all;
         std::size_t open = 0;

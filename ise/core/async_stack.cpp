@@ -6,6 +6,8 @@
 
 namespace ise {
 
+std::error_code detail::operation_aborted() noexcept { return asio::error::operation_aborted; }
+
 constinit thread_local detail::trace_place* detail::present_trace = nullptr;
 
 void async_stack::go_on() {

@@ -5,6 +5,7 @@
 #include <coroutine>
 #include <cstdint>
 #include <exception>
+#include <system_error>
 #include <utility>
 
 namespace ise {
@@ -12,6 +13,12 @@ namespace ise {
 template <class T>
 class task;
 class async_stack;
+
+namespace detail {
+
+std::error_code operation_aborted() noexcept;
+
+} // namespace detail
 
 /// The right to go on with a suspended stack, which whatever it waits for has: `resume()` it once. Destroying it
 /// without that destroys the stack and all its coroutines.

@@ -16,8 +16,7 @@ public:
     using accepted = std::pair<std::error_code, std::unique_ptr<stream>>;
 
     inproc_acceptor(loop& owner, std::string listens_on)
-        : incoming(owner, [this] { incoming.resume(asio::error::operation_aborted); }), name(std::move(listens_on)),
-          loop_(owner), gate_(owner.gate()) {}
+        : incoming(owner), name(std::move(listens_on)), loop_(owner), gate_(owner.gate()) {}
 
     // From any thread.
     result<std::unique_ptr<stream>> connect(loop& from, const std::shared_ptr<inproc_acceptor>& self) {
@@ -32,7 +31,7 @@ public:
         held.unlock();
         if (wake)
             gate_->post([weak = std::weak_ptr(self)] {
-                if (auto acceptor = weak.lock()) acceptor->incoming.resume(std::error_code{});
+                if (auto acceptor = weak.lock()) acceptor->incoming.resume();
             });
         return std::move(near);
     }
@@ -57,13 +56,11 @@ public:
             refused.swap(backlog_);
         }
         refused.clear();
-        incoming.resume(asio::error::operation_aborted);
+        incoming.resume({asio::error::operation_aborted});
     }
 
     struct woken { // not std::error_code: Asio would throw it
         std::error_code problem;
-        woken(std::error_code why) : problem(why) {}
-        woken(asio::error::basic_errors why) : problem(why) {}
     };
     waiter<woken> incoming;
     const std::string name;

@@ -67,14 +67,8 @@ private:
 class side final : public std::enable_shared_from_this<side>, public flushable {
 public:
     side(loop& owner, std::shared_ptr<channel> in, std::shared_ptr<channel> out)
-        : incoming(std::move(in)), outgoing(std::move(out)), on(owner), gate(owner.gate()),
-          readable(owner,
-                   [this] {
-                       readable.resume({asio::error::operation_aborted, 0});
-                   }),
-          writable(owner, [this] {
-              writable.resume({asio::error::operation_aborted, 0});
-          }) {}
+        : incoming(std::move(in)), outgoing(std::move(out)), on(owner), gate(owner.gate()), readable(owner),
+          writable(owner) {}
 
     void close() {
         if (std::exchange(closed, true)) return;

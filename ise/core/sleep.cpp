@@ -7,7 +7,7 @@
 namespace ise {
 
 task<> sleep_until(loop& on, time_point at) {
-    waiter<std::error_code> wake(on, [&wake] { wake.resume(asio::error::operation_aborted); });
+    waiter<std::error_code> wake(on);
     timer alarm(on, [&wake] { wake.resume({}); });
     alarm.arm(at);
     co_await wake.wait(); // throws what it was resumed with

@@ -47,9 +47,9 @@ public:
     /// Waits for at least one byte. End of stream is `asio::error::eof`. Cancellation: terminal, no data are lost.
     virtual task<transfer> read_some(asio::mutable_buffer into) = 0;
 
-    /// From now on `reader`, which lives as long as the stream is open, gets what arrives; `read_some` only completes
-    /// when the stream is closed. Called inside a turn of the loop, and never delivers within the call. False: this
-    /// stream is read by `read_some`.
+    /// From now on `reader`, which lives as long as the stream is open, gets what arrives, and the end. Called inside a
+    /// turn of the loop, and never delivers within the call. False: this stream is read by `read_some`; it may use
+    /// `reader` while that waits.
     virtual bool deliver_to([[maybe_unused]] stream_reader& reader) { return false; }
 
     /// Writes as much as possible without waiting: `asio::error::would_block` if that is nothing.

@@ -12,20 +12,16 @@
 
 namespace ise {
 
-class task_scope::child final : public async_stack {
+class task_scope::child final : public async_stack, public member {
 public:
-    child(task_scope& scope, std::string name, task<> body, const asio::any_io_executor& executor)
-        : async_stack(on_), place(scope.children_.size()), scope_(&scope), name_(std::move(name)),
-          body_(std::move(body)), on_(executor), work_(executor) {
+    child(std::string name, task<> body, const asio::any_io_executor& executor)
+        : async_stack(on_), name_(std::move(name)), body_(std::move(body)), on_(executor), work_(executor) {
         begin(body_);
-        scope.children_.push_back(this);
     }
 
-    const std::string& name() const noexcept { return name_; }
-    /// Its scope is gone: it is destroyed with what it waits for.
-    void orphan() noexcept { scope_ = nullptr; }
+    std::string name() const override { return name_; }
+    void cancel() override { async_stack::cancel(); }
 
-    std::size_t place; ///< among the scope's children
     bool* gone = nullptr;
 
 private:
@@ -37,17 +33,18 @@ private:
             problem = std::current_exception();
         }
         body_ = task<>(); // what it owned may have owned the scope
-        if (scope_) scope_->ended(*this, name_, problem);
+        if (auto* of = scope()) {
+            leave();
+            if (problem) of->failed(name_, problem);
+        }
         if (gone) *gone = true;
         delete this;
     }
     void on_drop() noexcept override {
-        if (scope_) scope_->forget(*this);
         if (gone) *gone = true;
         delete this;
     }
 
-    task_scope* scope_;
     std::string name_;
     task<> body_;
     asio::any_io_executor on_;
@@ -55,10 +52,32 @@ private:
 };
 
 task_scope::task_scope(loop& owner, failure_handler on_failure)
-    : loop_(owner), on_failure_(std::move(on_failure)), empty_(owner, [this] { empty_.resume(); }) {}
+    : loop_(owner), on_failure_(std::move(on_failure)), empty_(owner) {}
 
+// A coroutine that is left is destroyed with what it waits for.
 task_scope::~task_scope() {
-    for (auto* one : children_) one->orphan();
+    for (const auto& one : members_) one->scope_ = nullptr;
+}
+
+// The last one takes its place.
+void task_scope::member::leave() noexcept {
+    auto* of = std::exchange(scope_, nullptr);
+    if (!of) return;
+    auto held = std::exchange(of->members_[place_], nullptr);
+    if (auto& last = of->members_.back()) {
+        last->place_ = place_;
+        of->members_[place_] = std::move(last);
+    }
+    of->members_.pop_back();
+    if (of->members_.empty() && !of->loop_.abandoned()) of->empty_.resume();
+}
+
+bool task_scope::add(std::shared_ptr<member> what) {
+    if (stopping_) return false;
+    what->scope_ = this;
+    what->place_ = members_.size();
+    members_.push_back(std::move(what));
+    return true;
 }
 
 async_stack* task_scope::spawn(std::string name, task<> body) {
@@ -67,7 +86,8 @@ async_stack* task_scope::spawn(std::string name, task<> body) {
 
 async_stack* task_scope::spawn(std::string name, task<> body, const asio::any_io_executor& executor) {
     if (stopping_) return nullptr;
-    auto* made = new child(*this, std::move(name), std::move(body), executor);
+    auto* made = new child(std::move(name), std::move(body), executor);
+    add(std::shared_ptr<member>(std::shared_ptr<void>(), made));
     suspended_stack first(*made);
     if (!loop_.running_here()) {
         asio::post(executor, [first = std::move(first)]() mutable { first.resume(); });
@@ -84,8 +104,8 @@ async_stack* task_scope::spawn(std::string name, task<> body, const asio::any_io
 void task_scope::stop() {
     stopping_ = true;
     // From the end: one that ends here gives its place to one that was cancelled already.
-    for (auto place = children_.size(); place-- > 0;)
-        if (place < children_.size()) children_[place]->cancel();
+    for (auto place = members_.size(); place-- > 0;)
+        if (place < members_.size()) members_[place]->cancel();
 }
 
 task<> task_scope::join() {
@@ -102,20 +122,12 @@ task<bool> task_scope::join_until(time_point at) {
 
 std::vector<std::string> task_scope::running() const {
     std::vector<std::string> names;
-    for (const auto* one : children_) names.push_back(one->name());
+    for (const auto& one : members_) names.push_back(one->name());
     return names;
 }
 
-void task_scope::forget(child& who) noexcept {
-    children_.back()->place = who.place;
-    children_[who.place] = children_.back();
-    children_.pop_back();
-}
-
-void task_scope::ended(child& who, const std::string& name, const std::exception_ptr& problem) {
-    forget(who);
-    if (problem && on_failure_ && !(stopping_ && is_cancellation(problem))) on_failure_(name, problem);
-    if (children_.empty()) empty_.resume();
+void task_scope::failed(const std::string& name, const std::exception_ptr& problem) {
+    if (on_failure_ && !(stopping_ && is_cancellation(problem))) on_failure_(name, problem);
 }
 
 bool is_cancellation(const std::exception_ptr& problem) noexcept {

@@ -6,15 +6,39 @@
 
 #include <exception>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
 namespace ise {
 
-/// Owns coroutines: each has a name, is cancelled by `stop()` and waited for by `join()`. Used on one loop.
-/// The scope must be empty (`size() == 0`) when it is destroyed: stop and join first.
+/// Owns coroutines, and what works without one: each has a name, is cancelled by `stop()` and waited for by `join()`.
+/// Used on one loop. The scope must be empty (`size() == 0`) when it is destroyed: stop and join first.
 class task_scope {
 public:
+    /// What a scope owns.
+    class member {
+    public:
+        member(const member&) = delete;
+        member& operator=(const member&) = delete;
+
+        virtual std::string name() const = 0;
+        /// It ends soon.
+        virtual void cancel() = 0;
+
+    protected:
+        member() = default;
+        ~member() { leave(); }
+        /// It has ended. May destroy *this.
+        void leave() noexcept;
+        task_scope* scope() const noexcept { return scope_; }
+
+    private:
+        friend class task_scope;
+        task_scope* scope_ = nullptr; // null: it has left
+        std::size_t place_ = 0;       // among the scope's members
+    };
+
     /// Called with an exception that escaped from a child, except cancellation after `stop()`.
     using failure_handler = std::function<void(const std::string& name, std::exception_ptr)>;
 
@@ -29,7 +53,10 @@ public:
     async_stack* spawn(std::string name, task<> body);
     async_stack* spawn(std::string name, task<> body, const asio::any_io_executor& executor);
 
-    /// Cancels every child; they end at their next suspension.
+    /// Keeps `what` until it leaves. False, and nothing is kept, after `stop()`.
+    bool add(std::shared_ptr<member> what);
+
+    /// Cancels every child; coroutines end at their next suspension.
     void stop();
     bool stopping() const noexcept { return stopping_; }
 
@@ -38,19 +65,18 @@ public:
     /// The same until `at`; false if children are still running then. Cancellation: as `join`.
     task<bool> join_until(time_point at);
 
-    std::size_t size() const noexcept { return children_.size(); }
+    std::size_t size() const noexcept { return members_.size(); }
     /// The names of the running children.
     std::vector<std::string> running() const;
 
 private:
     class child;
 
-    void forget(child& who) noexcept;
-    void ended(child& who, const std::string& name, const std::exception_ptr& problem);
+    void failed(const std::string& name, const std::exception_ptr& problem);
 
     loop& loop_;
     failure_handler on_failure_;
-    std::vector<child*> children_; // each owned by what it waits for
+    std::vector<std::shared_ptr<member>> members_; // a coroutine belongs to what it waits for, and is not owned here
     waiter<> empty_;
     bool stopping_ = false;
 };

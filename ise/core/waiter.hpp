@@ -1,7 +1,6 @@
 #pragma once
 #include <ise/core/async_stack.hpp>
 #include <ise/core/loop.hpp>
-#include <ise/core/unique_function.hpp>
 
 #include <optional>
 #include <system_error>
@@ -16,20 +15,25 @@ struct no_value {};
 
 } // namespace detail
 
+/// Of a waiter that does not hear of cancellation.
+struct uninterrupted_t {};
+inline constexpr uninterrupted_t uninterrupted;
+
 /// Where a coroutine of ISE is suspended: it waits for one completion that somebody on the same loop gives by
 /// `resume()`, with a value where T is not void. A value that is a std::error_code is thrown, unless it is none.
 ///
 /// The coroutine goes on at the end of the loop's turn, never inside `resume()`. Cancellation of the waiting
-/// coroutine calls `on_cancel`, whose owner answers with `resume()` (or lets it go on waiting); one without does not
-/// hear of it. A waiter that waits should be resumed before it is destroyed; what still waits then, or when the loop
-/// ends, is destroyed without being resumed.
+/// coroutine resumes it, with `operation_aborted` as its value, or the first part of it, where T is not void; an
+/// `uninterrupted` one goes on waiting. A waiter that waits should be resumed before it is destroyed; what still waits
+/// then, or when the loop ends, is destroyed without being resumed.
 template <class T = void>
 class waiter final : public suspended {
     using value = std::conditional_t<std::is_void_v<T>, detail::no_value, T>;
     using outcome = std::conditional_t<std::is_same_v<T, std::error_code>, void, T>;
 
 public:
-    waiter(loop& owner, unique_function<void()> on_cancel) : loop_(owner), on_cancel_(std::move(on_cancel)) {}
+    explicit waiter(loop& owner) noexcept : loop_(owner) {}
+    waiter(loop& owner, uninterrupted_t) noexcept : loop_(owner), interrupted_(false) {}
     waiter(const waiter&) = delete;
     waiter& operator=(const waiter&) = delete;
     ~waiter() {
@@ -85,16 +89,21 @@ private:
         loop_.enlist(*this);
     }
     void cancel() {
-        if (on_cancel_) on_cancel_(); // may destroy *this
+        if (interrupted_) resume(aborted());
+    }
+    static value aborted() {
+        if constexpr (std::is_void_v<T>) return {};
+        else if constexpr (requires { value{detail::operation_aborted()}; }) return value{detail::operation_aborted()};
+        else return value(detail::operation_aborted(), typename value::second_type());
     }
     void drop() noexcept override {
         auto dropped = std::move(waiting_); // what it owns may own this waiter
     }
 
     loop& loop_;
-    unique_function<void()> on_cancel_;
     suspended_stack waiting_;
     operation* operation_ = nullptr;
+    bool interrupted_ = true;
 };
 
 } // namespace ise

@@ -115,7 +115,7 @@ http_server::handler in_turn(http_server::quick_handler answer) {
 /// Passes one client's events to its connection.
 class event_sink final : public sse_sink {
 public:
-    explicit event_sink(loop& on) : wake_(on, [this] { wake_.resume(asio::error::operation_aborted); }) {}
+    explicit event_sink(loop& on) : wake_(on) {}
 
     void write(std::shared_ptr<const std::string> text, written done) override {
         if (closed_) return done(asio::error::not_connected);

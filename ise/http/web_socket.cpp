@@ -17,8 +17,8 @@ constexpr std::size_t max_kept = 256 * 1024;           // capacity of a batch
 } // namespace
 
 web_socket::web_socket(loop& on, std::shared_ptr<http_requests> over, web_socket_limits limits, web_socket_times times)
-    : loop_(on), over_(std::move(over)), reader_(web_socket_reader::from::clients, limits), times_(times),
-      room_(on, [this] { room_.resume(asio::error::operation_aborted); }), timer_(on, [this] { on_timer(); }) {
+    : loop_(on), over_(std::move(over)), reader_(web_socket_reader::from::clients, limits), times_(times), room_(on),
+      timer_(on, [this] { on_timer(); }) {
     over_->line().on_late(nullptr);
     over_->line().until(time_point::max());
     over_->line().line().limit_unsent(max_unsent);

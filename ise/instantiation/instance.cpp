@@ -65,7 +65,7 @@ process_end how_it_ended(process_end result, const std::string& mark, const outp
 }
 
 task<> next_change(loop& on, std::shared_ptr<instance> of) {
-    waiter<> result(on, [&result] { result.resume(); });
+    waiter<> result(on);
     struct listed { // whichever way this coroutine ends
         std::vector<waiter<>*>& all;
         waiter<>* who;

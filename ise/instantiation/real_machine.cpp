@@ -299,7 +299,7 @@ task<result<std::string>> real_machine::ask(loop& on, std::string program, std::
     auto who = outcome ? outcome->stamp : process_stamp{*pid, 0};
     process_end end;
     bool over = false;
-    waiter<> ended(on, [&ended] { ended.resume(); });
+    waiter<> ended(on);
     auto watch = open_process(who);
     if (!watch) co_return complain(errc::io_failed, "it cannot be watched");
     kept_entry alone;

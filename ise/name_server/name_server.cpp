@@ -329,7 +329,7 @@ void name_server::welcome(std::uint64_t number) {
 }
 
 task<naming::await_response> name_server::wait_for(std::string path, std::uint64_t other_than, time_point until) {
-    waiter<> present(on(), [&present] { present.resume(); });
+    waiter<> present(on());
     timer over(on(), [&present] { present.resume(); });
     over.arm(until);
     for (;;) {

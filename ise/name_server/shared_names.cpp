@@ -260,7 +260,7 @@ task<std::vector<store_outcome>> shared_names::write(std::vector<store_step> ste
 task<result<std::vector<store_outcome>>> shared_names::commit(std::vector<store_step> steps) {
     auto mine = std::make_shared<queued_write>();
     mine->steps = std::move(steps);
-    waiter<> done(on_, [&done] { done.resume(); });
+    waiter<> done(on_);
     struct awaited {
         std::list<std::shared_ptr<queued_write>>& queue;
         const std::shared_ptr<queued_write>& what;
@@ -338,7 +338,7 @@ task<> shared_names::catch_up(std::uint64_t revision) {
     while (revision_ < revision) {
         if (on_.now() >= until)
             give_up(failure(errc::timed_out, fmt::format("changes up to {} have not arrived", revision)));
-        waiter<> news(on_, [&news] { news.resume(); });
+        waiter<> news(on_);
         timer late(on_, [&news] { news.resume(); });
         late.arm(until);
         struct listed {

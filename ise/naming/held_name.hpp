@@ -13,7 +13,7 @@ namespace ise {
 
 /// A name that a node has or wants, and what the name server's answers mean for it.
 struct held_name {
-    held_name(loop& on, registration of) : who(std::move(of)), answered(on, [this] { answered.resume(); }) {}
+    held_name(loop& on, registration of) : who(std::move(of)), answered(on) {}
 
     /// Whether the server is to be told, from `not_before` on.
     bool to_tell() const noexcept { return registered != version && !refused; }

@@ -22,8 +22,7 @@ constexpr duration max_pause = std::chrono::milliseconds(500);
 
 lease_registrar::lease_registrar(service_host& host, const std::vector<endpoint>& name_servers, duration lease)
     : host_(host), servers_(text_of(name_servers)), lease_(std::max(lease, duration(std::chrono::milliseconds(50)))),
-      lease_key_(host.env().random() | 1), batch_size_(max_batch),
-      told_departures_(host.on(), [this] { told_departures_.resume(); }), news_(host.on(), [this] { news_.resume(); }) {
+      lease_key_(host.env().random() | 1), batch_size_(max_batch), told_departures_(host.on()), news_(host.on()) {
     auto way = host_.link_to(name_servers, std::string(naming::server_path));
     way->hurry(std::min(lease_ / 4, max_pause), std::max(lease_ / 2, min_patience));
     names_ = remote(std::move(way));

@@ -46,7 +46,7 @@ public:
 
 private:
     struct departing {
-        departing(loop& on, std::uint64_t life) : incarnation(life), over(on, [this] { over.resume(); }) {}
+        departing(loop& on, std::uint64_t life) : incarnation(life), over(on) {}
         std::uint64_t incarnation;
         waiter<> over; // for the one who withdrew it: the server knows, or does not answer, or it is their turn to tell
     };

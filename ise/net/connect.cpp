@@ -21,7 +21,7 @@ task<result<std::unique_ptr<stream>>> connect_until(loop& on, endpoint to, time_
     };
     auto state = std::make_shared<attempt>();
     auto where = to.text();
-    waiter<> done(on, [&done] { done.resume(); });
+    waiter<> done(on);
     auto* wake = &done;
     auto body = [](std::shared_ptr<attempt> of, loop& at, endpoint target, security shown) -> task<> {
         auto got = co_await target.kind->connect(at, target, std::move(shown));

@@ -43,16 +43,17 @@ connection::~connection() { signs_->end(); }
 void connection::start(task_scope& scope, std::weak_ptr<user> receiver) {
     known_user_ = receiver.lock().get();
     user_ = std::move(receiver);
-    scope_ = &scope;
-    scope.spawn("reader of " + peer_name(), read(shared_from_this()));
+    if (scope.add(std::shared_ptr<member>(shared_from_this(), this))) begin_to_take();
     pulse();
 }
 
-// The parameter keeps the connection for the coroutine's whole life. The frame is what an idle connection mostly is:
-// whatever needs none stays out of it. Where the transport delivers to the connection, this only waits for the end.
+void connection::cancel() {
+    on_.later([self = shared_from_this()] { self->on_bytes({asio::error::operation_aborted, 0}); });
+}
+
+// The parameter keeps the connection for the coroutine's whole life.
 task<> connection::read([[maybe_unused]] std::shared_ptr<connection> held) {
-    bool more = begin_to_take();
-    while (more && open()) {
+    while (open()) {
         auto into = room();
         transfer got;
         try {
@@ -61,9 +62,7 @@ task<> connection::read([[maybe_unused]] std::shared_ptr<connection> held) {
             got.problem = asio::error::operation_aborted;
         }
         on_bytes(got);
-        more = open();
     }
-    report_end();
 }
 
 asio::mutable_buffer connection::room() noexcept {
@@ -77,13 +76,12 @@ asio::mutable_buffer connection::room() noexcept {
 }
 
 // What came with the handshake.
-bool connection::begin_to_take() {
+void connection::begin_to_take() {
     loop::turn in(on_);
     take_frames();
-    if (open()) transport_->deliver_to(*this);
     if (open() && objects_) objects_->use(*this);
     if (open() && datagrams_) datagrams_->use(std::shared_ptr<datagram_stream::user>(shared_from_this(), this));
-    return open();
+    if (open() && !transport_->deliver_to(*this)) scope()->spawn("reader of " + peer_name(), read(shared_from_this()));
 }
 
 void connection::on_bytes(const transfer& got) {
@@ -330,8 +328,8 @@ void connection::write_out() {
             // Not from within this: where there is room again already it would go on writing.
             if (std::exchange(writer_, writer::waiting) == writer::none)
                 on_.later([self = shared_from_this()] {
-                    if (self->open() && self->scope_)
-                        self->scope_->spawn("writer to " + self->peer_name(), self->write(self));
+                    if (self->open() && self->scope())
+                        self->scope()->spawn("writer to " + self->peer_name(), self->write(self));
                 });
             return;
         }
@@ -360,7 +358,7 @@ task<> connection::write([[maybe_unused]] std::shared_ptr<connection> held) {
         try {
             problem = co_await transport_->wait_writable();
         } catch (const std::exception& cancelled) {
-            co_return; // the reader is cancelled too and ends the connection
+            co_return; // the connection is cancelled too, and ends
         }
         loop::turn in(on_);
         writer_ = writer::writing;
@@ -425,7 +423,7 @@ void connection::close(failure cause) {
     heartbeat_.disarm();
     if (grace_) grace_->disarm();
     signs_->end();
-    transport_->close(); // ends the read, and so the reader reports
+    transport_->close();
     on_.later([self = shared_from_this()] { self->report_end(); });
 }
 
@@ -433,6 +431,7 @@ void connection::report_end() {
     if (phase_ != phase::closed) return;
     phase_ = phase::reported;
     if (auto receiver = user_.lock()) receiver->on_closed(*cause_);
+    leave();
 }
 
 } // namespace ise::net

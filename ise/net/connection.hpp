@@ -33,7 +33,7 @@ struct session_peer {
     std::uint64_t incarnation = 0; ///< one life of the component
     std::uint64_t epoch = 0;       ///< of its name, 0 if none was granted
     std::uint64_t reply_key = 0;   ///< of an initiator: see wire::hello
-    verified_peer verified; ///< what this side has verified of it; without `who`, which is for who has the policy
+    verified_peer verified;        ///< what this side has verified of it; `who` once there is a session
 
     session_peer() = default;
     explicit session_peer(wire::identity greeted)
@@ -52,16 +52,17 @@ struct session_terms {
 
 /// One session with a peer over a stream: frames in, an outbox out, heartbeats, an end with a cause.
 ///
-/// A reader coroutine hands every frame to the `user`, in one turn of the loop for all that one read brought; what
-/// is written in a turn leaves in one gathered write, and there is a writer coroutine only while the socket is full.
+/// Every frame is handed to the `user`, in one turn of the loop for all that one read brought; what is written in a
+/// turn leaves in one gathered write. It needs no coroutine: there is a reader only where the transport has to be asked
+/// for bytes, and a writer only while the socket is full.
 /// Whatever breaks (a write as well as a read) ends it for both directions, once, with its cause. Lives on one
-/// loop; shared by its coroutines and its user.
-/// Bytes come to the parser in one way: the transport puts them into `room()`, or the reader does where the transport
-/// has to be asked. Over datagrams, packets of subscriptions are messages of their own beside the stream (`lossy()`).
-/// Within a process the parser takes over whole buffers, and packets need no bytes: objects travel beside their frames
-/// (`passes_objects()`).
+/// loop; shared by its scope, its coroutines and its user.
+/// Bytes come to the parser in one way: the transport, or the reader, puts them into `room()`. Over datagrams, packets
+/// of subscriptions are messages of their own beside the stream (`lossy()`). Within a process the parser takes over
+/// whole buffers, and packets need no bytes: objects travel beside their frames (`passes_objects()`).
 class connection final : public std::enable_shared_from_this<connection>,
                          public flushable,
+                         public task_scope::member,
                          private stream_reader,
                          public datagram_stream::user,
                          public object_stream::user {
@@ -84,9 +85,9 @@ public:
     connection(loop& on, std::unique_ptr<stream> transport, session_terms terms, wire::parser parser);
     ~connection();
 
-    /// Begins to read, on coroutines owned by `scope`; frames that came together with the handshake may be handed over
-    /// at once, and the connection may have ended when this returns. `receiver` is held weakly: a session that is gone
-    /// ends the connection.
+    /// Begins to read, owned by `scope` until it has ended; frames that came together with the handshake may be handed
+    /// over at once, and the connection may have ended when this returns. `receiver` is held weakly: a session that is
+    /// gone ends the connection.
     void start(task_scope& scope, std::weak_ptr<user> receiver);
 
     /// Where frames are put; `written()` afterwards sees to it that they leave.
@@ -129,6 +130,8 @@ public:
     const failure& cause() const noexcept { return *cause_; }
 
     const session_terms& terms() const noexcept { return terms_; }
+    /// Who the peer is by the access policy.
+    void identify_peer(std::string who) { terms_.peer.verified.who = std::move(who); }
     /// The peer for people: its path if it has one, and its address.
     const std::string& peer_name() const noexcept { return peer_name_; }
     const connection_counts& counts() const noexcept { return counts_; }
@@ -166,10 +169,12 @@ private:
         writing, // there is room again
     };
 
+    std::string name() const override { return "connection to " + peer_name(); }
+    void cancel() override;
     task<> read(std::shared_ptr<connection> held);
     // Two locked instructions less than a lock.
     user* receiver() const noexcept { return user_.expired() ? nullptr : known_user_; }
-    bool begin_to_take();
+    void begin_to_take();
     asio::mutable_buffer room() noexcept override;
     void on_bytes(const transfer& got) override;
     void end_for_read(const std::error_code& problem);
@@ -209,7 +214,6 @@ private:
     spare_batch& spare_;
     timer heartbeat_;
     std::unique_ptr<timer> grace_; // once it finishes
-    task_scope* scope_ = nullptr;
     std::weak_ptr<user> user_;
     user* known_user_ = nullptr; // the same, while it is there
     std::unique_ptr<failure> cause_;

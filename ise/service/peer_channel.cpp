@@ -193,7 +193,7 @@ void peer_channel::detach(subscriber_core& subscriber) noexcept { std::erase(sub
 task<result<void>> peer_channel::connect(time_point deadline) {
     ++connectors_;
     bool late = false;
-    waiter<> arrival(runtime().on(), [&arrival] { arrival.resume(); });
+    waiter<> arrival(runtime().on());
     timer alarm(runtime().on(), [&] {
         late = true;
         arrival.resume();

@@ -132,7 +132,7 @@ void peer_sessions::finish_all(const failure& why, duration grace) {
 
 task<> peer_sessions::ended(time_point limit) {
     auto& on = shared_.runtime.on();
-    waiter<> result(on, [&result] { result.resume(); });
+    waiter<> result(on);
     timer late(on, [&result] { result.resume(); });
     struct listed {
         std::vector<waiter<>*>& all;

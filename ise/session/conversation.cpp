@@ -10,10 +10,10 @@ namespace ise {
 
 conversation::conversation(service_runtime& runtime, std::shared_ptr<net::connection> connection)
     : runtime_(runtime), connection_(std::move(connection)),
-      schemas_(runtime.schemas(), *connection_, runtime.options().session_bytes), verified_(peer().verified),
+      schemas_(runtime.schemas(), *connection_, runtime.options().session_bytes),
       over_(peer().path.empty() ? transport_of(peer_name()) : nullptr) {
     auto policy = runtime.access() ? runtime.access()->current() : nullptr;
-    verified_.who = access::identity_of(verified_, runtime.own_identity(), policy.get());
+    connection_->identify_peer(access::identity_of(verified(), runtime.own_identity(), policy.get()));
 }
 
 conversation::~conversation() {
@@ -26,9 +26,9 @@ bool of_its_maker(const service_runtime& runtime, const verified_peer& peer) {
 
 std::optional<failure> conversation::objection_to_use(service_kind kind, const std::string& service, bool note) {
     auto* guard = runtime_.access();
-    if (!guard || verified_.same_process) return {};
-    if (service.starts_with("ise.process.") && of_its_maker(runtime_, verified_)) return {};
-    if (!view_) view_ = std::make_unique<access::view>(guard->current(), verified_.who);
+    if (!guard || verified().same_process) return {};
+    if (service.starts_with("ise.process.") && of_its_maker(runtime_, verified())) return {};
+    if (!view_) view_ = std::make_unique<access::view>(guard->current(), verified().who);
     const auto& titles = runtime_.titles();
     auto what = access::request_for(kind == service_kind::subscription, titles, service);
     if (what.item.data() != service.data()) { // a service of ISE itself may have a rule of its own
@@ -39,12 +39,12 @@ std::optional<failure> conversation::objection_to_use(service_kind kind, const s
         if (said.allowed) return {};
         if (said.denied) what = plain;
     }
-    return guard->objection(*view_, verified_, what, runtime_.self().path, note);
+    return guard->objection(*view_, verified(), what, runtime_.self().path, note);
 }
 
 bool conversation::audited(const std::string& service) const {
     auto* guard = runtime_.access();
-    return guard && !verified_.same_process && guard->audit().keeps() &&
+    return guard && !verified().same_process && guard->audit().keeps() &&
            guard->current()->audited(runtime_.titles(), service);
 }
 
@@ -58,23 +58,23 @@ void conversation::note_use(service_kind kind, const std::string& service) {
         what.item = service;
         said = view_->decide(what);
     }
-    guard->note(verified_, what, runtime_.self().path, said);
+    guard->note(verified(), what, runtime_.self().path, said);
 }
 
 std::optional<failure> conversation::objection_to_session() {
     auto* guard = runtime_.access();
-    if (!guard || verified_.same_process) return {};
+    if (!guard || verified().same_process) return {};
     auto policy = guard->current();
     view_.reset();
-    if (access::identity_of(verified_, runtime_.own_identity(), policy.get()) != verified_.who)
+    if (access::identity_of(verified(), runtime_.own_identity(), policy.get()) != verified().who)
         return failure(errc::access_denied,
-                       fmt::format("the access policy has another identity for {} now", access::shown(verified_.who)));
-    if (peer().path.empty() || of_its_maker(runtime_, verified_)) return {};
+                       fmt::format("the access policy has another identity for {} now", access::shown(verified().who)));
+    if (peer().path.empty() || of_its_maker(runtime_, verified())) return {};
     const std::string named[] = {peer().path};
     access::request what;
     what.what = access::action::name;
     what.targets = named;
-    return guard->objection(&verified_, what, runtime_.self().path, false);
+    return guard->objection(&verified(), what, runtime_.self().path, false);
 }
 
 std::string conversation::caller_name() const {

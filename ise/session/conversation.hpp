@@ -36,7 +36,7 @@ public:
     std::string caller_name() const;
     const net::session_peer& peer() const noexcept { return connection_->terms().peer; }
     /// Who the peer is, as far as this side has verified it.
-    const verified_peer& verified() const noexcept { return verified_; }
+    const verified_peer& verified() const noexcept { return peer().verified; }
     /// What the access policy has against the peer's use of a service of this side, as a failure for the peer; with
     /// `note` that is a line of the audit log. Nothing: it is allowed, or there is no policy.
     std::optional<failure> objection_to_use(service_kind kind, const std::string& service, bool note);
@@ -73,7 +73,6 @@ private:
     service_runtime& runtime_;
     std::shared_ptr<net::connection> connection_;
     schema_exchange schemas_;
-    verified_peer verified_;
     std::shared_ptr<host_memory> counted_in_; // once it held much for its peer
     std::unique_ptr<access::view> view_;      // of the policy by the peer; once it was asked for
     const transport* const over_; // of a peer without a name; null: it has one, or the transport is not known

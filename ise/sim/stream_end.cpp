@@ -7,16 +7,8 @@ namespace ise::sim {
 
 stream_end::stream_end(socket_owner& owner, loop& on, std::size_t receive_limit_bytes, std::string peer,
                        std::optional<endpoint> local)
-    : readable(on,
-               [this] {
-                   readable.resume({asio::error::operation_aborted, 0});
-               }),
-      writable_again(on,
-                     [this] {
-                         writable_again.resume({asio::error::operation_aborted, 0});
-                     }),
-      owner_(owner), where_(owner.flow_of(on)), loop_(on), received_(receive_limit_bytes), peer_(std::move(peer)),
-      local_(std::move(local)) {}
+    : readable(on), writable_again(on), owner_(owner), where_(owner.flow_of(on)), loop_(on),
+      received_(receive_limit_bytes), peer_(std::move(peer)), local_(std::move(local)) {}
 
 transfer stream_end::read(std::span<std::byte> into) {
     if (closed_) return {asio::error::operation_aborted, 0};

@@ -6,8 +6,7 @@
 namespace ise::sim {
 
 tcp_acceptor::tcp_acceptor(socket_owner& owner, loop& on, endpoint at)
-    : incoming(on, [this] { incoming.resume({asio::error::operation_aborted}); }), owner_(owner),
-      where_(owner.flow_of(on)), loop_(on), at_(std::move(at)) {
+    : incoming(on), owner_(owner), where_(owner.flow_of(on)), loop_(on), at_(std::move(at)) {
     owner_.here().acceptors.push_back(this);
 }
 

@@ -16,9 +16,8 @@ struct outcome {
 class dial : public std::enable_shared_from_this<dial> {
 public:
     dial(socket_owner& owner, loop& on, endpoint to, machine& target)
-        : done(on, [this] { give_up(asio::error::operation_aborted); }), owner_(owner), loop_(on),
-          where_(owner.flow_of(on)), to_(std::move(to)), target_(target), world_(owner.world()), net_(owner.net()),
-          over_(net_.between(owner.here().name(), target.name())) {}
+        : done(on), owner_(owner), loop_(on), where_(owner.flow_of(on)), to_(std::move(to)), target_(target),
+          world_(owner.world()), net_(owner.net()), over_(net_.between(owner.here().name(), target.name())) {}
 
     void start() {
         port_ = to_.kind == protocol::tcp ? owner_.here().ephemeral_port() : std::uint16_t{0};
@@ -28,6 +27,10 @@ public:
             if (auto still = self.lock()) still->finish({asio::error::timed_out, nullptr});
         });
         ask();
+    }
+
+    void give_up() {
+        if (!std::exchange(over_now_, true)) world_.engine().cancel(deadline_);
     }
 
     waiter<outcome> done;
@@ -101,12 +104,6 @@ private:
         done.resume(std::move(result));
     }
 
-    void give_up(std::error_code why) {
-        if (std::exchange(over_now_, true)) return;
-        world_.engine().cancel(deadline_);
-        done.resume({why, nullptr});
-    }
-
     socket_owner& owner_;
     loop& loop_;
     std::shared_ptr<flow> where_;
@@ -134,6 +131,7 @@ task<result<std::unique_ptr<stream>>> connect_tcp(socket_owner& owner, loop& on,
     attempt->start();
     auto came = co_await attempt->done.wait();
     if (came.connected) co_return std::move(came.connected);
+    attempt->give_up();
     if (came.problem == asio::error::operation_aborted)
         co_return failure(errc::cancelled, fmt::format("connecting to {} was given up", to.text()));
     co_return failure(errc::unreachable, fmt::format("cannot connect to {}: {}", to.text(), came.problem.message()));

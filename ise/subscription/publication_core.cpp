@@ -148,7 +148,7 @@ bool publication_core::has_room() const noexcept {
 }
 
 task<> publication_core::wait_for_room() {
-    waiter<> room(runtime().on(), [&room] { room.resume(); });
+    waiter<> room(runtime().on());
     struct entry {
         std::vector<waiter<>*>& all;
         waiter<>* mine;

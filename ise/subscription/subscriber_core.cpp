@@ -36,10 +36,8 @@ subscriber_core::subscriber_core(std::shared_ptr<subscription_owner> to, std::st
     : on_(to->runtime().on()), owner_(std::move(to)), options_(options),
       capacity_(options.policy == overflow::keep_latest ? 1 : std::max<std::size_t>(options.depth, 1)),
       service_(std::move(service)), types_(types), request_(std::move(request)),
-      farewell_(adapt(schema(), types.schemas[role::unsubscribe_request], {})),
-      packet_(on_, [this] { packet_.resume(); }),
-      answer_(on_, [this] { answer_.resume(); }), held_room_{owner_->runtime().options().held_bytes()},
-      held_(capacity_, held_room_) {}
+      farewell_(adapt(schema(), types.schemas[role::unsubscribe_request], {})), packet_(on_),
+      answer_(on_), held_room_{owner_->runtime().options().held_bytes()}, held_(capacity_, held_room_) {}
 
 subscriber_core::~subscriber_core() = default;
 

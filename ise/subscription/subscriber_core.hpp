@@ -29,7 +29,7 @@ struct packet_place {
 
 /// A subscriber that left and waits for the provider's answer.
 struct departure {
-    explicit departure(loop& on) : answered(on, [this] { answered.resume(); }) {}
+    explicit departure(loop& on) : answered(on) {}
 
     waiter<> answered;
     std::optional<result<bytes>> outcome;

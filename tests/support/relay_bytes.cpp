@@ -95,7 +95,7 @@ private:
         }
     }
     ise::task<> healed() {
-        ise::waiter<> over(on_, [&over] { over.resume(); });
+        ise::waiter<> over(on_);
         struct entry {
             std::vector<ise::waiter<>*>& all;
             ise::waiter<>* mine;

@@ -7,12 +7,7 @@
 namespace ise::real {
 
 socket_stream::socket_stream(loop& on, owned_fd fd, std::string peer)
-    : descriptor(on, std::move(fd)), peer_(std::move(peer)),
-      reader_(on,
-              [this] {
-                  reader_.resume({asio::error::operation_aborted, 0});
-              }),
-      writable_(on, [this] { writable_.resume({asio::error::operation_aborted}); }) {
+    : descriptor(on, std::move(fd)), peer_(std::move(peer)), reader_(on), writable_(on) {
     // A local socket has none; one that died already says so at its first read.
     set_option(this->fd(), IPPROTO_TCP, TCP_NODELAY, 1);
 }
@@ -47,7 +42,7 @@ task<std::pair<std::error_code, std::unique_ptr<stream>>> socket_stream::connect
 task<transfer> socket_stream::read_some(asio::mutable_buffer into) {
     if (!fd_open()) co_return transfer{asio::error::operation_aborted, 0};
     if (into.size() == 0) co_return transfer{};
-    if (!deliver_to_ && may_read()) {
+    if (may_read()) {
         auto got = read(into);
         if (got.problem != asio::error::would_block) co_return got;
     }
@@ -127,9 +122,7 @@ std::optional<endpoint> socket_stream::local() const {
     return endpoint{protocol::tcp, here.address().to_string(), here.port(), {}};
 }
 
-socket_acceptor::socket_acceptor(loop& on, owned_fd listening)
-    : descriptor(on, std::move(listening)),
-      waiting_(on, [this] { waiting_.resume(accepted(asio::error::operation_aborted, owned_fd())); }) {}
+socket_acceptor::socket_acceptor(loop& on, owned_fd listening) : descriptor(on, std::move(listening)), waiting_(on) {}
 
 task<socket_acceptor::accepted> socket_acceptor::accept() {
     if (!fd_open()) co_return accepted(asio::error::operation_aborted, owned_fd());

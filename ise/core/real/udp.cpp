@@ -26,9 +26,7 @@ using received = std::pair<std::error_code, const datagram*>;
 class udp_socket final : public datagram_socket, private descriptor {
 public:
     udp_socket(loop& on, owned_fd socket, endpoint where)
-        : descriptor(on, std::move(socket)), where_(std::move(where)), receiver_(on, [this] {
-              receiver_.resume({asio::error::operation_aborted, nullptr});
-          }) {}
+        : descriptor(on, std::move(socket)), where_(std::move(where)), receiver_(on) {}
     ~udp_socket() override { close(); }
 
     using descriptor::watch;

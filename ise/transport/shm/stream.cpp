@@ -76,11 +76,7 @@ public:
         : on_(on), memory_(std::move(over.memory)), writer_(memory_.writer(over.connecting ? 0 : 1)),
           reader_(memory_.reader(over.connecting ? 1 : 0)), peer_bell_(std::move(over.peer_bell)),
           peer_(std::move(peer)), user_(user_of(over.socket.get())), socket_(on, std::move(over.socket), *this),
-          own_bell_(on, std::move(over.own_bell), *this), bytes_(on,
-                                                                 [this] {
-                                                                     bytes_.resume({asio::error::operation_aborted, 0});
-                                                                 }),
-          room_(on, [this] { room_.resume({asio::error::operation_aborted}); }),
+          own_bell_(on, std::move(over.own_bell), *this), bytes_(on), room_(on),
           look_again_(on, [this] { on_rung(); }) {}
     ~shared_stream() override { close(); }
 
@@ -161,14 +157,12 @@ std::optional<std::uint32_t> shared_stream::user_of(int socket) noexcept { retur
 task<transfer> shared_stream::read_some(asio::mutable_buffer into) {
     if (closed_) co_return transfer{asio::error::operation_aborted, 0};
     if (into.size() == 0) co_return transfer{};
-    if (!deliver_to_) {
-        into_ = into;
-        if (reads_left_-- > 0) {
-            auto got = take();
-            if (got.problem != asio::error::would_block) co_return got;
-        } else {
-            look_again_.arm(on_.now());
-        }
+    into_ = into;
+    if (reads_left_-- > 0) {
+        auto got = take();
+        if (got.problem != asio::error::would_block) co_return got;
+    } else {
+        look_again_.arm(on_.now());
     }
     auto got = co_await bytes_.wait();
     co_return got;

@@ -31,16 +31,8 @@ wire::datagram_type type_of(bytes_view datagram) noexcept {
 association::association(loop& on, std::shared_ptr<association_port> of, std::uint64_t id, std::uint64_t peer_id,
                          endpoint peer, std::unique_ptr<seal> with)
     : on_(on), port_(std::move(of)), id_(id), first_peer_(peer), peer_(std::move(peer)), seal_(std::move(with)),
-      channel_(peer_id, seal_ ? wire::sealed::seal_bytes : 0), timer_(on, [this] { on_timer(); }),
-      readable_(on,
-                [this] {
-                    cancelled_ = true;
-                    readable_.resume();
-                }),
-      writable_(on, [this] {
-          cancelled_ = true;
-          writable_.resume();
-      }) {}
+      channel_(peer_id, seal_ ? wire::sealed::seal_bytes : 0), timer_(on, [this] { on_timer(); }), readable_(on),
+      writable_(on) {}
 
 void association::use(std::weak_ptr<datagram_stream::user> receiver) {
     user_ = std::move(receiver);
@@ -266,7 +258,7 @@ void association::on_timer() {
 
 std::optional<transfer> association::read(asio::mutable_buffer into) {
     transfer got;
-    if (left_ || cancelled_) {
+    if (left_) {
         got.problem = asio::error::operation_aborted;
         return got;
     }
@@ -300,7 +292,7 @@ transfer association::write(std::span<const asio::const_buffer> from) {
 }
 
 std::error_code association::writable() const noexcept {
-    if (left_ || cancelled_) return asio::error::operation_aborted;
+    if (left_) return asio::error::operation_aborted;
     if (verdict_) return asio::error::connection_aborted;
     if (gone_) return asio::error::connection_reset;
     if (channel_.out().ended()) return asio::error::shut_down;

@@ -142,7 +142,6 @@ private:
     waiter<> writable_;
     std::optional<time_point> drain_until_;
     bool room_asked_ = false;
-    bool cancelled_ = false;
     bool left_ = false; // by its user
     bool gone_ = false; // no datagram leads anywhere
 };

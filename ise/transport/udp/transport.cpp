@@ -30,7 +30,7 @@ public:
 
     bool deliver_to(stream_reader& reader) override {
         over_->deliver_to(reader);
-        return true;
+        return false; // reading waits for datagrams, or for the end
     }
     task<transfer> read_some(asio::mutable_buffer into) override {
         return pumped_ ? read_socket(over_, pumped_, into) : read(over_, into);

@@ -35,7 +35,7 @@ struct witness { // notes that its frame was unwound
 };
 
 task<> wait_forever(ise::loop& on, bool& gone, bool& resumed) {
-    ise::waiter<> never(on, [&never] { never.resume(); });
+    ise::waiter<> never(on);
     witness frame{gone};
     co_await never.wait();
     resumed = true;

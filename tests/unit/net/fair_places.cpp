@@ -41,7 +41,7 @@ struct entrance {
 /// A listener that fails as it is told to, and then brings connections.
 class troubled final : public ise::listener {
 public:
-    explicit troubled(ise::loop& on) : wake_(on, [this] { wake_.resume(); }) {}
+    explicit troubled(ise::loop& on) : wake_(on) {}
     ise::task<std::pair<std::error_code, std::unique_ptr<ise::stream>>> accept() override { return next(); }
     void close() override { wake_.resume(); }
     ise::endpoint where() const override { return ise::endpoint::parse("tcp://127.0.0.1:7").value(); }

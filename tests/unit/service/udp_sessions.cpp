@@ -532,7 +532,7 @@ TEST_CASE("strangers cost no memory, get no more than they sent, and do not dist
     CHECK(answered < sent / 10);
     CHECK(longest == 32); // a cookie
     CHECK(boat.services->sessions().size() == 1);
-    CHECK(boat.scope.size() == 2); // the listener, and the reader of the one session
+    CHECK(boat.scope.size() == 3); // the listener, and the one session with its reader
     CHECK(sea.run(shore, try_helm(there, "y", 10s)));
     CHECK(boat.services->counts().sessions_accepted == 1);
 
@@ -547,10 +547,10 @@ TEST_CASE("strangers cost no memory, get no more than they sent, and do not dist
         throw_at(out.to_bytes());
     }
     pause();
-    CHECK(boat.scope.size() == 3);
+    CHECK(boat.scope.size() == 4);
     auto later = sea.world.now() + 6s;
     sea.run_until([&] { return sea.world.now() >= later; });
-    CHECK(boat.scope.size() == 2);
+    CHECK(boat.scope.size() == 3);
     scope.stop();
     sea.run_until([&] { return scope.size() == 0; });
     socket.reset();

@@ -22,7 +22,7 @@ inline ise::endpoint at(const std::string& text) { return ise::endpoint::parse(t
 
 // Waits on the loop's clock.
 inline task<> sleep(ise::loop& on, ise::duration time) {
-    ise::waiter<> over(on, [&over] { over.resume(); });
+    ise::waiter<> over(on);
     ise::timer wake(on, [&over] { over.resume(); });
     wake.arm(on.now() + time);
     co_await over.wait();
