@@ -98,7 +98,7 @@ void peer_sessions::forget(session& ended) {
     // Its coroutines are on their way out; it goes when they and its calls have let go.
     auto last = std::move(found->second);
     all_.erase(found);
-    release(ended);
+    ended.let_go();
     shared_.runtime.on().later([last = std::move(last)] {});
     if (all_.empty())
         for (auto* result : awaiting_end_) result->resume();

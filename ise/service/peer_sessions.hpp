@@ -36,9 +36,6 @@ public:
     std::shared_ptr<session> run(std::shared_ptr<net::connection> connection, std::weak_ptr<session_owner> owner);
 
     const std::map<session*, std::shared_ptr<session>>& all() const noexcept { return all_; }
-    /// Keeps something for a session, until that ends or `release`.
-    void keep(const session& with, std::shared_ptr<void> what) { kept_[&with] = std::move(what); }
-    void release(const session& with) noexcept { kept_.erase(&with); }
 
     /// Decides anew over all that is allowed.
     void review_access();
@@ -57,7 +54,6 @@ private:
     session_context shared_;
     security credentials_;
     std::map<session*, std::shared_ptr<session>> all_;
-    std::map<const session*, std::shared_ptr<void>> kept_;
     std::vector<waiter<>*> awaiting_end_;
     std::optional<net::udp::secret> reply_secret_; // once a session over udp was made
 };

@@ -54,6 +54,10 @@ public:
     /// Ends it: what the peer was let in by does not count any more.
     void revoke(failure why);
 
+    /// Keeps something until the session ends, or `let_go`.
+    void keep(std::shared_ptr<void> what) noexcept { kept_ = std::move(what); }
+    void let_go() noexcept { kept_.reset(); }
+
     /// The services of the peer that this side has called over it, or is subscribed to; each once, by name.
     std::vector<std::string> used_services() const;
     /// Packets that are held for the peer's subscriptions, in bytes.
@@ -70,6 +74,7 @@ private:
     const publication_directory& publications_;
     std::weak_ptr<session_owner> owner_;
     std::function<void(session&)> on_over_;
+    std::shared_ptr<void> kept_;
     outgoing_calls outgoing_calls_;
     incoming_calls incoming_calls_;
     outgoing_subscriptions outgoing_subscriptions_;

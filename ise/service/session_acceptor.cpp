@@ -183,7 +183,7 @@ task<> session_acceptor::greet(std::unique_ptr<stream> stranger, endpoint reache
     }
     ++runtime_.counts().sessions_accepted;
     auto begun = sessions_.run(std::move(*made), {});
-    keep_places(begun, peer, gate.take_places());
+    keep_places(*begun, gate.take_places());
 }
 
 std::string session_acceptor::session_limit(const net::fair_places& all) const {
@@ -203,26 +203,26 @@ result<std::unique_ptr<net::fair_places::place>> session_acceptor::place_for(con
     return taken;
 }
 
-void session_acceptor::keep_places(const std::shared_ptr<session>& of, const std::string& peer, session_places held) {
-    if (!sessions_.all().contains(of.get())) return; // over already
-    auto make_way = [this, whose = std::weak_ptr(of), host = net::host_of(peer)](const net::fair_places& all) {
-        auto result = whose.lock();
-        if (!result) return;
-        sessions_.release(*result);
-        auto limit = session_limit(all);
-        runtime_.tell(peer_trouble::excess,
-                      fmt::format("{}, {} has most: the oldest of these make way for other hosts", limit, host), host);
-        result->finish(
-            failure(errc::overloaded,
-                    fmt::format("{}, of which {} has most: its place was needed for another host", limit, host)),
-            displaced_grace);
-    };
+// Its places are kept by the session, and so their functions need not own it.
+void session_acceptor::keep_places(session& of, session_places held) {
+    if (!sessions_.all().contains(&of)) return;                 // over already
     bool lost_socket = held.socket && held.socket->displaced(); // during the handshake
     bool lost_session = held.session && held.session->displaced();
-    if (lost_socket || lost_session) return make_way(lost_socket ? *sockets_ : places_);
-    if (held.socket) held.socket->on_displaced([this, make_way] { make_way(*sockets_); });
-    if (held.session) held.session->on_displaced([this, make_way] { make_way(places_); });
-    sessions_.keep(*of, std::make_shared<session_places>(std::move(held)));
+    if (lost_socket || lost_session) return make_way(of, lost_socket ? *sockets_ : places_);
+    if (held.socket) held.socket->on_displaced([this, &of] { make_way(of, *sockets_); });
+    if (held.session) held.session->on_displaced([this, &of] { make_way(of, places_); });
+    of.keep(std::make_shared<session_places>(std::move(held)));
+}
+
+void session_acceptor::make_way(session& which, const net::fair_places& all) {
+    which.let_go();
+    const auto host = net::host_of(which.verified().from);
+    const auto limit = session_limit(all);
+    runtime_.tell(peer_trouble::excess,
+                  fmt::format("{}, {} has most: the oldest of these make way for other hosts", limit, host), host);
+    which.finish(failure(errc::overloaded,
+                         fmt::format("{}, of which {} has most: its place was needed for another host", limit, host)),
+                 displaced_grace);
 }
 
 void session_acceptor::close() {

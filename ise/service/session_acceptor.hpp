@@ -53,7 +53,8 @@ private:
     result<std::unique_ptr<net::fair_places::place>> place_for(const std::string& peer, net::fair_places& all) const;
     std::string session_limit(const net::fair_places& all) const;
     /// It keeps them for as long as it lives, or until another host needs one.
-    void keep_places(const std::shared_ptr<session>& of, const std::string& peer, session_places held);
+    void keep_places(session& of, session_places held);
+    void make_way(session& which, const net::fair_places& all);
 
     service_runtime& runtime_;
     peer_sessions& sessions_;
