@@ -23,7 +23,7 @@ ise::task<ise::result<mode_set>> ask(ise::remote boat, ise::duration limit) {
     co_return answer;
 }
 
-const ise::service_load& load_of(const ise::health_report& outcome, const std::string& name) {
+const ise::service_load& load_of(const ise::health_report& outcome, std::string_view name) {
     return *std::ranges::find(outcome.services, name, &ise::service_load::name);
 }
 

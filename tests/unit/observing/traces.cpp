@@ -96,7 +96,7 @@ std::string file_of(const ise::environment& env, const std::string& name) {
     return file;
 }
 
-const seen_span& one_of(const std::vector<seen_span>& all, const std::string& name, int kind) {
+const seen_span& one_of(const std::vector<seen_span>& all, std::string_view name, int kind) {
     for (const auto& each : all)
         if (each.name == name && each.kind == kind) return each;
     FAIL("no span of " << name);
