@@ -148,7 +148,7 @@ public:
     /// The last measured round trip of a heartbeat; zero before the first.
     duration round_trip() const noexcept { return alive_.round_trip(); }
     /// Bytes of messages of which some pieces are missing.
-    std::size_t unfinished_bytes() const noexcept { return reassembly_ ? reassembly_->bytes_held() : 0; }
+    std::uint64_t unfinished_bytes() const noexcept { return reassembly_ ? reassembly_->bytes_held() : 0; }
     time_point last_heard() const noexcept { return alive_.last_heard(); }
     /// The last thing heard was its node, which says that the peer is busy.
     bool peer_stalled() const noexcept { return stalled_sign_ != 0 && stalled_sign_ == counts_.frames_in; }

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstddef>
+#include <cstdint>
 #include <map>
 #include <set>
 #include <string>
@@ -17,8 +18,8 @@ public:
     static constexpr std::size_t free_bytes = std::size_t{64} << 10;
 
     struct held {
-        std::size_t unread_replies = 0;      ///< that wait to be sent
-        std::size_t unfinished_messages = 0; ///< of which a part has come
+        std::uint64_t unread_replies = 0;      ///< that wait to be sent
+        std::uint64_t unfinished_messages = 0; ///< of which a part has come
     };
     /// By all sessions of the host of `one`, which is one of them until it is forgotten.
     held with(net::connection& one);

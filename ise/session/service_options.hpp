@@ -40,8 +40,8 @@ struct service_options {
     /// The same for the replies of all sessions of one host together.
     std::size_t host_bytes() const noexcept { return 4 * session_bytes; }
     /// The same for messages in pieces, of which some are missing, from all sessions of one host.
-    std::size_t unfinished_bytes() const noexcept {
-        return std::max<std::size_t>(host_bytes(), 2 * accepts.max_message_bytes);
+    std::uint64_t unfinished_bytes() const noexcept {
+        return std::max<std::uint64_t>(host_bytes(), 2 * accepts.max_message_bytes);
     }
     /// Published packets that wait to be sent; beyond, the policies apply as if the queues were full.
     std::size_t queued_bytes() const noexcept { return 4 * session_bytes; }

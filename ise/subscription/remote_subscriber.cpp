@@ -142,7 +142,7 @@ void remote_subscriber::stop_lingering() {
     linger_.reset();
 }
 
-send_queue::stretch remote_subscriber::pop(std::size_t most) {
+send_queue::stretch remote_subscriber::pop(std::uint64_t most) {
     auto taken = queue_.pop(most);
     if (line_) line_->held_bytes() -= taken.cost();
     resent_ -= std::min(resent_, taken.packets);

@@ -83,7 +83,7 @@ public:
 private:
     void wake();
     void resume_at(std::uint64_t next);
-    send_queue::stretch pop(std::size_t most);
+    send_queue::stretch pop(std::uint64_t most);
     void keep(const send_queue::stretch& sent);
     void forget_arrived();
     std::size_t held() const noexcept { return queue_.cost() + sent_packets_.cost(); }

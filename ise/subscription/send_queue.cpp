@@ -17,19 +17,20 @@ void send_queue::push(const shared_packet& object, std::uint64_t sequence, wall_
     stretches_.push_back({{}, 1, skipped, false, object, sequence, published_at, trace});
 }
 
-send_queue::stretch send_queue::pop(std::size_t most) {
+send_queue::stretch send_queue::pop(std::uint64_t most) {
     auto& oldest = stretches_.front();
     stretch taken;
     if (most >= oldest.packets) {
         taken = stretches_.pop_front();
     } else {
+        const auto some = static_cast<std::size_t>(most);
         std::size_t length = 0;
-        for (std::size_t i = 0; i < most; ++i) length += packet_frame::size_of(oldest.frames.view().data() + length);
+        for (std::size_t i = 0; i < some; ++i) length += packet_frame::size_of(oldest.frames.view().data() + length);
         taken = oldest;
-        taken.packets = most;
+        taken.packets = some;
         taken.frames.truncate(length);
         oldest.frames.drop_front(length);
-        oldest.packets -= most;
+        oldest.packets -= some;
         oldest.skipped = 0;
     }
     packets_ -= taken.packets;

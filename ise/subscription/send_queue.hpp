@@ -56,7 +56,7 @@ public:
     /// The oldest; only where there is one.
     const stretch& front() const noexcept { return stretches_.front(); }
     /// Takes the first `most` packets of the oldest stretch.
-    stretch pop(std::size_t most);
+    stretch pop(std::uint64_t most);
     /// What was skipped before a packet that was dropped stands before the next one; false where there is none.
     bool carry_over(std::uint32_t skipped) noexcept {
         if (stretches_.empty()) return false;

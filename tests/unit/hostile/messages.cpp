@@ -89,13 +89,13 @@ TEST_CASE("hostile: a host gains no memory by many sessions with unfinished mess
     harbour at("tcp", options);
     REQUIRE(options.unfinished_bytes() == 1'000'000);
     std::list<raw_peer> peers;
-    std::size_t most = 0;
+    std::uint64_t most = 0;
     for (int i = 0; i < 20; ++i) {
         auto& peer = peers.emplace_back(at.all, at.sea, at.channel, false);
         peer.greet("raw" + std::to_string(i));
         for (std::uint64_t id = 1; id <= 2; ++id) begin_message(peer, id, 500'000, 90'000);
         peer.finish();
-        std::size_t held = 0;
+        std::uint64_t held = 0;
         for (const auto& [session, one] : at.boat.services->sessions()) held += session->wire().unfinished_bytes();
         most = std::max(most, held);
     }

@@ -43,7 +43,7 @@ TEST_CASE("packets that were made one after the other wait as one stretch") {
     auto first = waiting.pop(2);
     CHECK(sequences(first) == order{1, 2});
     CHECK(first.addressed);
-    CHECK(sequences(waiting.pop(100)) == order{3, 4, 5});
+    CHECK(sequences(waiting.pop(std::uint64_t{1} << 32)) == order{3, 4, 5}); // so much credit a peer may give
     CHECK(waiting.empty());
     CHECK(waiting.cost() == 0);
 }
