@@ -8,7 +8,7 @@ set(CMAKE_RC_COMPILER x86_64-w64-mingw32-windres)
 find_program(ISE_WINE NAMES wine64-stable wine64 PATHS /usr/lib/wine)
 mark_as_advanced(ISE_WINE)
 if(ISE_WINE)
-  set(CMAKE_CROSSCOMPILING_EMULATOR env WINEDEBUG=-all "${ISE_WINE}")
+  set(CMAKE_CROSSCOMPILING_EMULATOR "${CMAKE_CURRENT_LIST_DIR}/wine.py" "${ISE_WINE}")
 endif()
 set(CMAKE_EXE_LINKER_FLAGS_INIT -static) # so that a program needs no DLL of the compiler beside it
 

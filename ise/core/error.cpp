@@ -1,8 +1,8 @@
 #include <ise/core/error.hpp>
 
-#include <fmt/format.h>
+#include <ise/core/real/system_errors.hpp>
 
-#include <cerrno>
+#include <fmt/format.h>
 
 namespace ise {
 
@@ -55,22 +55,9 @@ const std::error_category& error_category() noexcept {
 
 std::error_code make_error_code(errc code) noexcept { return {static_cast<int>(code), error_category()}; }
 
-namespace {
-std::string_view advice_on(int cause) {
-    switch (cause) {
-        case EADDRINUSE: return " (`ss -lntuxp` shows the program: end it, or use another endpoint)";
-        case EMFILE:
-        case ENFILE: return " (`ulimit -n` shows how many this process may have: raise that)";
-        case EADDRNOTAVAIL: return " (`ip address` shows those that this host has; 0.0.0.0 means all of them)";
-        default: return "";
-    }
-}
-} // namespace
-
 failure io_failure(std::string_view what, const std::error_code& cause) {
-    // By number: Asio's own category does not compare equal to std::errc.
-    auto code = cause.value() == EADDRINUSE ? errc::address_in_use : errc::io_failed;
-    return failure(code, fmt::format("{}: {}{}", what, cause.message(), advice_on(cause.value())));
+    auto code = real::is_address_taken(cause) ? errc::address_in_use : errc::io_failed;
+    return failure(code, fmt::format("{}: {}{}", what, cause.message(), real::advice_on(cause)));
 }
 
 } // namespace ise

@@ -53,8 +53,8 @@ log_sink log_to_stderr(log_level least) {
     return [least](const log_record& record) {
         if (record.level < least) return;
         auto line = format_line(record);
-        // A full disk must not stop the boat.
-        [[maybe_unused]] auto written = ::write(STDERR_FILENO, line.data(), line.size());
+        // A full disk must not stop the boat. (The length is an `unsigned` on Windows.)
+        [[maybe_unused]] auto written = ::write(STDERR_FILENO, line.data(), static_cast<unsigned>(line.size()));
     };
 }
 

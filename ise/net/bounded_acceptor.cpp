@@ -1,22 +1,18 @@
 #include <ise/net/bounded_acceptor.hpp>
 
 #include <ise/core/log_limiter.hpp>
+#include <ise/core/real/system_errors.hpp>
 #include <ise/core/sleep.hpp>
 
 #include <asio/error.hpp>
 #include <fmt/format.h>
 
-#include <cerrno>
 #include <utility>
 
 namespace ise::net {
 namespace {
 
 constexpr duration accept_pause = std::chrono::milliseconds(100);
-
-// By number, as in io_failure: Asio's own category does not compare with std::errc.
-bool out_of_descriptors(const std::error_code& why) { return why.value() == EMFILE || why.value() == ENFILE; }
-bool out_of_memory(const std::error_code& why) { return why.value() == ENOMEM || why.value() == ENOBUFS; }
 
 } // namespace
 
@@ -35,12 +31,11 @@ task<> accept_each(loop& on, std::shared_ptr<listener> from, fair_places* places
         // A socket that was closed during the pause: Asio refuses to accept on it.
         if (problem == asio::error::bad_descriptor) co_return;
         if (problem) {
-            bool scarce = out_of_descriptors(problem);
-            if (places && (scarce || out_of_memory(problem))) places->make_way();
-            auto what = fmt::format(
-                "cannot accept: {}{}", problem.message(),
-                scarce ? "; sessions go on, new ones wait until some have ended or the limit is raised (ulimit -n)"
-                       : "");
+            const bool scarce = real::is_out_of_descriptors(problem);
+            if (places && (scarce || real::is_out_of_memory(problem))) places->make_way();
+            auto what = fmt::format("cannot accept: {}{}{}", problem.message(),
+                                    scarce ? "; sessions go on, new ones wait until some have ended" : "",
+                                    real::advice_on(problem));
             report(what, from->where().text());
             co_await sleep_for(on, accept_pause);
             continue;

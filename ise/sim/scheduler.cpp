@@ -27,7 +27,7 @@ void scheduler::drop_all() {
         bury();
     }
     // What the program spawned on the io_context itself is unwound through it, while the queues still stand.
-    for (int round = 0; round < 1000 && context_.poll_one() > 0; ++round) bury();
+    for (int round = 0; round < 1000 && run_one_of_context() > 0; ++round) bury();
     for (auto& each : flows_) each->owner = nullptr;
     flows_.clear();
 }
@@ -119,8 +119,7 @@ bool scheduler::step(time_point limit) {
         scheduler& self;
         ~leave() { --self.depth_; }
     } leaving{*this};
-    // What the program put on the io_context itself, which belongs to no flow.
-    if (context_.poll_one() > 0) {
+    if (run_one_of_context() > 0) {
         count(nullptr);
     } else if (!ready_.empty()) {
         auto next = std::move(ready_.front());
@@ -140,6 +139,13 @@ bool scheduler::step(time_point limit) {
         what();
     }
     return true;
+}
+
+// What the program put on the io_context itself, which belongs to no flow. Without any work the io_context stops, and
+// does not ask the system for some at each event.
+std::size_t scheduler::run_one_of_context() {
+    context_.restart();
+    return context_.poll_one();
 }
 
 void scheduler::run(entry next) {

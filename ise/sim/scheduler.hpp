@@ -75,12 +75,12 @@ private:
     };
     using time_key = std::pair<time_point, std::uint64_t>;
 
+    std::size_t run_one_of_context();
     void run(entry next);
     void count(const flow* where);
     [[noreturn]] void give_up(const char* why) const;
 
     asio::io_context context_; // destroyed last
-    asio::executor_work_guard<asio::io_context::executor_type> open_{context_.get_executor()};
     std::vector<std::shared_ptr<flow>> flows_;
     std::deque<entry> ready_;
     std::map<time_key, entry> timed_;

@@ -5,6 +5,7 @@
 
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>
+#include <support/local_sockets.hpp>
 #include <support/party.hpp>
 
 namespace conformance {
@@ -94,7 +95,7 @@ std::string lacking() {
     constexpr bool of_files =
         among(type_identity<local>(), type_identity<shm>(), type_identity<sealed_local>(), type_identity<sealed_shm>());
     if (secret && !ISE_CONFORMANCE_OPENSSL) return "this ISE was built without OpenSSL";
-    if (of_files && !ise::protocol::local->by_default) return "this system has no local sockets";
+    if (of_files && !ise_test::has_local_sockets()) return "this system has no local sockets";
     return {};
 }
 

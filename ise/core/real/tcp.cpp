@@ -1,6 +1,7 @@
 #include <ise/core/asio_compat.hpp>
 #include <ise/core/real/socket_stream.hpp>
 #include <ise/core/real/sockets.hpp>
+#include <ise/core/real/system_errors.hpp>
 
 #include <asio/io_context.hpp>
 #include <asio/ip/tcp.hpp>
@@ -49,15 +50,11 @@ private:
     endpoint where_;
 };
 
-bool out_of_descriptors(const std::error_code& why) {
-    return why == asio::error::no_descriptors || why == std::errc::too_many_files_open_in_system;
-}
-
 } // namespace
 
 failure connect_failure(const endpoint& to, const std::error_code& why) {
     auto what = fmt::format("cannot connect to {}", to.text());
-    if (out_of_descriptors(why)) return failure(errc::unreachable, io_failure(what, why).message());
+    if (is_out_of_descriptors(why)) return failure(errc::unreachable, io_failure(what, why).message());
     return failure(errc::unreachable, fmt::format("{}: {}", what, why.message()));
 }
 
@@ -87,7 +84,7 @@ task<result<std::unique_ptr<stream>>> connect_tcp(loop& on, endpoint to) {
         auto [problem, line] = co_await socket_stream::connect(on, target, size, where);
         if (!problem) co_return std::move(line);
         if (problem == asio::error::operation_aborted) co_return failure(errc::cancelled, "connecting was cancelled");
-        if (itself || out_of_descriptors(problem)) co_return connect_failure(to, problem);
+        if (itself || is_out_of_descriptors(problem)) co_return connect_failure(to, problem);
         tried += fmt::format("{}{}: {}", tried.empty() ? "" : ", ", where, problem.message());
     }
     co_return failure(errc::unreachable, fmt::format("cannot connect to {} ({})", to.text(), tried));

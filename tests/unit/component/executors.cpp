@@ -12,6 +12,8 @@
 #include <asio/use_awaitable.hpp>
 #include <fmt/format.h>
 
+#include <support/local_sockets.hpp>
+
 #include <atomic>
 #include <future>
 #include <memory>
@@ -261,17 +263,19 @@ TEST_CASE("a start that fails says why and leaves nothing behind") {
     harbour here;
     auto& first = here.node.start<beacon>("first", listening_on("tcp://127.0.0.1:0"));
     auto taken = here.at(first);
+    auto for_a_moment = ise::endpoint::parse(GENERATE(from_range(ise_test::usable_here(
+                                                 {"local://@ise-test-leaves-nothing", "inproc://leaves-nothing"}))))
+                            .value();
     ise::component_options options;
     ise::errc expected{};
     std::string part;
     SECTION("when the port is in use") {
-        options.listen = {ise::endpoint::parse("local://@ise-test-leaves-nothing").value(), taken};
+        options.listen = {for_a_moment, taken};
         expected = ise::errc::address_in_use;
         part = taken.text();
     }
     SECTION("when the address is none of this host") {
-        options.listen = {ise::endpoint::parse("local://@ise-test-leaves-nothing").value(),
-                          ise::endpoint::parse("tcp://203.0.113.7:0").value()};
+        options.listen = {for_a_moment, ise::endpoint::parse("tcp://203.0.113.7:0").value()};
         expected = ise::errc::io_failed;
         part = "203.0.113.7";
     }

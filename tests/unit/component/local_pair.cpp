@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <support/catch.hpp>
+#include <support/local_sockets.hpp>
 
 #include <future>
 
@@ -51,10 +52,9 @@ ise::node_options quiet() {
 } // namespace
 
 TEST_CASE("a component calls and subscribes to another over each transport") {
-    auto where =
-        GENERATE(std::string("tcp://127.0.0.1:0"), std::string("tcp://[::1]:0"), std::string("udp://127.0.0.1:0"),
-                 std::string("udp://[::1]:0"), std::string("udp://localhost:0"), std::string("local://@ise-test-pair"),
-                 std::string("shm://@ise-test-pair"), std::string("inproc://pair"));
+    auto where = GENERATE(from_range(ise_test::usable_here(
+        {"tcp://127.0.0.1:0", "tcp://[::1]:0", "udp://127.0.0.1:0", "udp://[::1]:0", "udp://localhost:0",
+         "local://@ise-test-pair", "shm://@ise-test-pair", "inproc://pair"})));
     CAPTURE(where);
     ise::real_environment env;
     ise::node node(env, quiet());

@@ -9,6 +9,8 @@
 #include <asio/io_context.hpp>
 #include <asio/use_future.hpp>
 
+#include <support/local_sockets.hpp>
+
 #include <future>
 #include <optional>
 #include <string>
@@ -79,7 +81,7 @@ inline task<pair> connected(place& at, ise::endpoint where) {
 
 /// Whether it is tcp, of each kind of stream socket that the system has.
 inline std::vector<bool> kinds() {
-    return ise::protocol::local->by_default ? std::vector<bool>{true, false} : std::vector<bool>{true};
+    return ise_test::has_local_sockets() ? std::vector<bool>{true, false} : std::vector<bool>{true};
 }
 
 inline ise::endpoint endpoint_of(bool tcp) {

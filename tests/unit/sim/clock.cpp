@@ -94,6 +94,16 @@ TEST_CASE("sim: a loop on an executor of the world is adopted, another is refuse
     CHECK(inside);
 }
 
+TEST_CASE("sim: what is put on the world's io_context runs, also after that had nothing to do") {
+    ise::sim::world world;
+    int ran = 0;
+    for (int n = 1; n <= 2; ++n) {
+        world.run_for(1s);
+        asio::post(world.context(), [&] { ++ran; });
+        CHECK(world.run_until([&] { return ran == n; }, 1s));
+    }
+}
+
 TEST_CASE("sim: destroying a loop unwinds what waits on it, the others go on") {
     ise::sim::world world;
     auto& it = world.host("boat").start_process("boat");

@@ -1,6 +1,7 @@
 #include <ise/core/real/system_sockets.hpp>
 
 #include <ise/core/real/linux/local_peer.hpp>
+#include <ise/core/real/system_errors.hpp>
 
 #include <asio/buffer.hpp>
 #include <asio/error.hpp>
@@ -72,6 +73,24 @@ void owned_fd::reset(int fd) noexcept {
 }
 
 std::error_code last_system_error() noexcept { return {errno, asio::error::get_system_category()}; }
+
+bool is_address_taken(const std::error_code& why) noexcept { return why.value() == EADDRINUSE; }
+
+bool is_out_of_descriptors(const std::error_code& why) noexcept {
+    return why.value() == EMFILE || why.value() == ENFILE;
+}
+
+bool is_out_of_memory(const std::error_code& why) noexcept { return why.value() == ENOMEM || why.value() == ENOBUFS; }
+
+std::string_view advice_on(const std::error_code& why) noexcept {
+    switch (why.value()) {
+        case EADDRINUSE: return " (`ss -lntuxp` shows the program: end it, or use another endpoint)";
+        case EMFILE:
+        case ENFILE: return " (`ulimit -n` shows how many this process may have: raise that)";
+        case EADDRNOTAVAIL: return " (`ip address` shows those that this host has; 0.0.0.0 means all of them)";
+        default: return "";
+    }
+}
 
 owned_fd new_socket(int family, int type) noexcept {
     return owned_fd(::socket(family, type | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));

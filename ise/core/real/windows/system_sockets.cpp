@@ -1,5 +1,7 @@
 #include <ise/core/real/system_sockets.hpp>
 
+#include <ise/core/real/system_errors.hpp>
+
 #include <asio/buffer.hpp>
 #include <asio/error.hpp>
 #include <asio/ip/tcp.hpp> // starts Winsock
@@ -38,6 +40,22 @@ void owned_fd::reset(int fd) noexcept {
 }
 
 std::error_code last_system_error() noexcept { return {::WSAGetLastError(), asio::error::get_system_category()}; }
+
+bool is_address_taken(const std::error_code& why) noexcept { return why.value() == WSAEADDRINUSE; }
+
+bool is_out_of_descriptors(const std::error_code& why) noexcept { return why.value() == WSAEMFILE; }
+
+bool is_out_of_memory(const std::error_code& why) noexcept {
+    return why.value() == WSAENOBUFS || why.value() == ERROR_OUTOFMEMORY || why.value() == ERROR_NOT_ENOUGH_MEMORY;
+}
+
+std::string_view advice_on(const std::error_code& why) noexcept {
+    switch (why.value()) {
+        case WSAEADDRINUSE: return " (`netstat -ano` shows the process: end it, or use another endpoint)";
+        case WSAEADDRNOTAVAIL: return " (`ipconfig` shows those that this host has; 0.0.0.0 means all of them)";
+        default: return "";
+    }
+}
 
 owned_fd new_socket(int family, int type) noexcept {
     auto made = made_ready(::WSASocketW(family, type, 0, nullptr, 0, WSA_FLAG_OVERLAPPED));

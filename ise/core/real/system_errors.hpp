@@ -1,0 +1,15 @@
+#pragma once
+#include <string_view>
+#include <system_error>
+
+// What an error that the system gave means: linux/, windows/. By number: Asio's own category does not compare with
+// std::errc.
+namespace ise::real {
+
+bool is_address_taken(const std::error_code& why) noexcept;
+bool is_out_of_descriptors(const std::error_code& why) noexcept;
+bool is_out_of_memory(const std::error_code& why) noexcept;
+/// How a person finds out more, as ` (...)`; empty: nothing is known of it.
+std::string_view advice_on(const std::error_code& why) noexcept;
+
+} // namespace ise::real
