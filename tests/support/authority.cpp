@@ -4,10 +4,9 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <random>
 #include <sstream>
 #include <stdexcept>
-
-#include <unistd.h>
 
 namespace ise_test {
 namespace {
@@ -53,9 +52,10 @@ std::string read_all(const std::filesystem::path& file) {
 }
 
 authority::authority(const std::string& name) {
-    auto made = (std::filesystem::temp_directory_path() / "ise-authority-XXXXXX").string();
-    if (!::mkdtemp(made.data())) throw std::runtime_error("no folder for an authority");
-    folder_ = made;
+    std::random_device draw; // another authority may have the same process id: in a namespace of its own
+    do folder_ = std::filesystem::temp_directory_path() / fmt::format("ise-authority-{:08x}", draw());
+    while (!std::filesystem::create_directory(folder_));
+    std::filesystem::permissions(folder_, std::filesystem::perms::owner_all);
     write(folder_ / "settings", settings);
     write(folder_ / "index.txt", "");
     write(folder_ / "serial", "01\n");
