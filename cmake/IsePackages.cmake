@@ -14,6 +14,9 @@ set(CPACK_COMPONENTS_GROUPING IGNORE)
 set(CPACK_PACKAGE_CONTACT "The maintainers of ISE <maintainers@ise.invalid>" CACHE STRING "Maintainer of the packages")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "coroutine middleware for robots")
 set(CPACK_STRIP_FILES ON)
+if(ISE_ARM) # cmake/toolchains/arm.cmake
+  set(CPACK_DEBIAN_PACKAGE_ARCHITECTURE "${ISE_ARM}")
+endif()
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_RELEASE 1)
 set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
