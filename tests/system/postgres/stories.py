@@ -147,6 +147,11 @@ class Server:
             self.process.send_signal(signal.SIGQUIT)
             self.process.wait()
 
+    def session(self):
+        """A psql that reads what is written to it."""
+        return subprocess.Popen([str(self.bin / "psql"), "-h", str(self.folder), "-p", self.port, "-U", "atirma", "-d", "atirma", "-Xq",
+                                 "-v", "ON_ERROR_STOP=1"], env=self.environment, stdin=subprocess.PIPE, text=True, cwd="/", **self.who)
+
     def ask(self, sql, database="atirma"):
         done = self.command("psql", "-h", self.folder, "-p", self.port, "-U", "atirma", "-d", database, "-AtXq", "-v", "ON_ERROR_STOP=1", "-c", sql)
         expect(f"the server answers {sql}", done.returncode == 0, done.stderr)
@@ -358,6 +363,32 @@ def story_killed(folder, shore):
         expect("the database is sound", checked.returncode == 0 and "is sound" in checked.stdout, checked.stdout + checked.stderr)
     finally:
         server.signal_all(signal.SIGCONT)
+        server.stop()
+
+
+def story_checked_in_use(folder, shore):
+    """A check beside a node that stores sees the boat as of one moment: what comes meanwhile is no fault."""
+    server = Server(folder)
+    try:
+        migrated(shore, server)
+        shore.node(1, server.url)
+        shore.kept(1, range(1, 21))
+        storing = server.session()
+        storing.stdin.write("BEGIN; LOCK TABLE atirma.packets;\n")
+        storing.stdin.flush()
+        until(lambda: server.ask("SELECT count(*) FROM pg_locks WHERE mode = 'AccessExclusiveLock' AND granted") != "0", "the table is locked")
+        check = shore.start("check", ATIRMA, "store", "check", server.url)
+        until(lambda: server.ask("SELECT count(*) FROM pg_locks WHERE NOT granted") != "0", "the check reads the packets")
+        storing.stdin.write("""
+            WITH given AS (UPDATE atirma.boats SET head = head + 1 RETURNING number, head)
+            INSERT INTO atirma.packets SELECT boat, boot, sequence + 1, measured, given.head, received, link, kind, history, raw
+            FROM atirma.packets, given WHERE position = given.head - 1; COMMIT;\n""")
+        storing.stdin.close()
+        expect("it is stored", storing.wait(30) == 0)
+        said, _ = check.communicate(timeout=30)
+        expect("the database is sound", check.returncode == 0 and "20 packets" in said, said)
+        expect("the packet is there", server.ask("SELECT count(*), max(position) FROM atirma.packets") == "21|21")
+    finally:
         server.stop()
 
 
