@@ -2,8 +2,6 @@
 #include <ise/core/task.hpp>
 #include <ise/core/waiter.hpp>
 
-#include <asio/error.hpp>
-
 #include <list>
 #include <system_error>
 

@@ -5,8 +5,6 @@
 #include <ise/core/unique_function.hpp>
 #include <ise/core/waiter.hpp>
 
-#include <asio/error.hpp>
-
 #include <functional>
 #include <memory>
 #include <optional>

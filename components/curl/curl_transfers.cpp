@@ -6,7 +6,6 @@
 #include <ise/core/environment.hpp>
 #include <ise/core/waiter.hpp>
 
-#include <asio/error.hpp>
 #include <asio/posix/stream_descriptor.hpp>
 #include <fmt/format.h>
 

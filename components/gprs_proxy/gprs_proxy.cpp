@@ -13,7 +13,6 @@
 #include <ise/core/log_limiter.hpp>
 #include <ise/service/service_host.hpp>
 
-#include <asio/error.hpp>
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -3,7 +3,6 @@
 #include <ise/core/sleep.hpp>
 #include <ise/core/waiter.hpp>
 
-#include <asio/error.hpp>
 #include <fmt/format.h>
 
 #include <algorithm>

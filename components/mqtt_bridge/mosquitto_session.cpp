@@ -7,7 +7,6 @@
 #include <ise/core/waiter.hpp>
 
 #include <asio/any_io_executor.hpp>
-#include <asio/error.hpp>
 #include <asio/posix/stream_descriptor.hpp>
 #include <fmt/format.h>
 

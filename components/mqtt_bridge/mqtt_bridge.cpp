@@ -11,7 +11,6 @@
 #include <ise/core/url.hpp>
 #include <ise/core/waiter.hpp>
 
-#include <asio/error.hpp>
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -1,6 +1,5 @@
 #include <components/xbee_proxy/local_modem.hpp>
 
-#include <asio/error.hpp>
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -11,8 +11,6 @@
 #include <ise/core/log_limiter.hpp>
 #include <ise/core/waiter.hpp>
 
-#include <asio/error.hpp>
-
 #include <algorithm>
 #include <deque>
 #include <map>

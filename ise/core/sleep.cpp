@@ -2,8 +2,6 @@
 
 #include <ise/core/waiter.hpp>
 
-#include <asio/error.hpp>
-
 namespace ise {
 
 task<> sleep_until(loop& on, time_point at) {

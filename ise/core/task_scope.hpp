@@ -16,7 +16,7 @@ namespace ise {
 /// Used on one loop. The scope must be empty (`size() == 0`) when it is destroyed: stop and join first.
 class task_scope {
 public:
-    /// What a scope owns.
+    /// Anything that a scope owns: a coroutine, or a connection.
     class member {
     public:
         member(const member&) = delete;

@@ -1,6 +1,5 @@
 #include <ise/http/web_socket.hpp>
 
-#include <asio/error.hpp>
 #include <fmt/format.h>
 
 #include <algorithm>

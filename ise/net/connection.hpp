@@ -130,7 +130,7 @@ public:
     const failure& cause() const noexcept { return *cause_; }
 
     const session_terms& terms() const noexcept { return terms_; }
-    /// Who the peer is by the access policy.
+    /// Sets the peer's identity by the access policy.
     void identify_peer(std::string who) { terms_.peer.verified.who = std::move(who); }
     /// The peer for people: its path if it has one, and its address.
     const std::string& peer_name() const noexcept { return peer_name_; }

@@ -141,8 +141,8 @@ bool scheduler::step(time_point limit) {
     return true;
 }
 
-// What the program put on the io_context itself, which belongs to no flow. Without any work the io_context stops, and
-// does not ask the system for some at each event.
+// Handlers that the program posted to the io_context itself belong to no flow. An io_context without work stops, so
+// that it does not ask the system for more at each event.
 std::size_t scheduler::run_one_of_context() {
     context_.restart();
     return context_.poll_one();

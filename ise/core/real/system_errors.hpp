@@ -2,8 +2,8 @@
 #include <string_view>
 #include <system_error>
 
-// What an error that the system gave means: linux/, windows/. By number: Asio's own category does not compare with
-// std::errc.
+// The meaning of errors of the system, defined in linux/ and windows/. They are compared by number: Asio's own category
+// does not compare with std::errc.
 namespace ise::real {
 
 bool is_address_taken(const std::error_code& why) noexcept;

@@ -6,6 +6,7 @@
 #include <ise/sim/world.hpp>
 
 #include <support/catch.hpp>
+#include <support/local_sockets.hpp>
 
 #include <asio/error.hpp>
 
@@ -165,6 +166,8 @@ TEST_CASE("acceptor: what passes does not end it, and out of descriptors whoever
     CHECK(lost);
     REQUIRE(reports.size() == 7);
     CHECK(reports[4].find("new ones wait") != std::string::npos);
+    const bool unix_limits = ise_test::has_local_sockets(); // Windows has no ulimit
+    CHECK((reports[4].find("ulimit -n") != std::string::npos) == unix_limits);
 }
 
 TEST_CASE("acceptor: a socket that was closed while it paused ends it") {
