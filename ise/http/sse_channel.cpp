@@ -195,7 +195,7 @@ std::size_t sse_channel::tick() {
             client->wrote_since_tick = false; // a comment each quiet tick
         }
     }
-    return self_->statistics.dropped_slow - before;
+    return static_cast<std::size_t>(self_->statistics.dropped_slow - before);
 }
 
 void sse_channel::close() noexcept {
