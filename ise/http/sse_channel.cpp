@@ -180,7 +180,7 @@ void sse_channel::publish(const sse_event& event) {
     for (const auto& client : now) self_->enqueue(client, text, event.id);
 }
 
-std::size_t sse_channel::tick() {
+std::uint64_t sse_channel::tick() {
     self_->common.reset();
     const auto before = self_->statistics.dropped_slow;
     static const auto comment = std::make_shared<const std::string>(": still here\n\n");
@@ -195,7 +195,7 @@ std::size_t sse_channel::tick() {
             client->wrote_since_tick = false; // a comment each quiet tick
         }
     }
-    return static_cast<std::size_t>(self_->statistics.dropped_slow - before);
+    return self_->statistics.dropped_slow - before;
 }
 
 void sse_channel::close() noexcept {

@@ -68,7 +68,7 @@ public:
     /// Sends a comment to idle clients, so that dead ones are noticed, and drops those that are stuck: so many.
     /// To be called at a steady pace by the owner, such as every 10 s (an HTTP server closes streams that
     /// were silent for `http_stream_times::silent`).
-    std::size_t tick();
+    std::uint64_t tick();
     /// Ends every client; later ones are refused.
     void close() noexcept;
 

@@ -207,9 +207,10 @@ bool tcp_connection::deliver_data(std::size_t side, segment& first) {
     auto target = ends_[1 - side].lock();
     auto source = ends_[side].lock();
     auto left = bytes_view(first.content).subspan(first.taken);
-    if (from.cut_at)
-        left =
-            left.first(static_cast<std::size_t>(std::min<std::uint64_t>(left.size(), *from.cut_at - from.delivered)));
+    if (from.cut_at) {
+        const auto before_cut = std::min<std::uint64_t>(left.size(), *from.cut_at - from.delivered);
+        left = left.first(static_cast<std::size_t>(before_cut));
+    }
     const auto count = target->receive(left);
     if (count > 0) {
         net_.world().note("deliver", from.name, count);
