@@ -63,7 +63,7 @@ ise::task<> observer::follow_telemetry(std::string from) {
     auto proxy = find_component(*this, from);
     for (;;) {
         try {
-            auto packets = co_await proxy.subscribe(services::telemetry, ise::subscribe_options::last(1024));
+            auto packets = co_await proxy.subscribe(services::telemetry, ise::subscribe_options::keep_last(1024));
             for (;;) {
                 auto packet = co_await packets.next();
                 if (!packet) break;
@@ -89,7 +89,7 @@ ise::task<> observer::follow_modem() {
     auto proxy = find_component(*this, options_.proxy);
     for (;;) {
         try {
-            auto states = co_await proxy.subscribe(services::xb_local, ise::subscribe_options::latest());
+            auto states = co_await proxy.subscribe(services::xb_local, ise::subscribe_options::keep_latest());
             for (;;) {
                 auto state = co_await states.next();
                 if (!state) break;
@@ -106,7 +106,7 @@ ise::task<> observer::follow_gprs(std::string from) {
     auto proxy = find_component(*this, from);
     for (;;) {
         try {
-            auto states = co_await proxy.subscribe(services::gprs, ise::subscribe_options::latest());
+            auto states = co_await proxy.subscribe(services::gprs, ise::subscribe_options::keep_latest());
             for (;;) {
                 auto state = co_await states.next();
                 if (!state) break;

@@ -69,7 +69,7 @@ task<> echo(context& in, echo_options options) {
     bool over = false;
     timer end(in.self.on(), [&] {
         over = true;
-        stream.leave();
+        stream.unsubscribe();
     });
     if (options.length) end.arm(saturating_add(in.self.now(), *options.length));
     bool reached = true;

@@ -49,7 +49,7 @@ task<> logs(context& in, logs_options options) {
     subscriber<std::remove_const_t<decltype(instantiation::services::output)>> follow;
     if (options.follow) { // before it is asked what was printed so far, so that nothing falls between
         instantiation::follow_request wanted{options.name};
-        auto terms = subscribe_options::last(1024);
+        auto terms = subscribe_options::keep_last(1024);
         follow = co_await server.subscribe(instantiation::services::output, wanted, terms);
     }
     instantiation::output_request question{options.name, 1 << 20};

@@ -75,7 +75,7 @@ task<> measure(context& in, metering_options options, std::shared_ptr<gauge> to)
     in.self.spawn("meter", receive_all(in.self, shared));
     stream_windows windows(in.set, *shared);
     co_await print_windows(in, options.window, options.count, windows);
-    shared->stream.leave();
+    shared->stream.unsubscribe();
 }
 
 std::string show_losses(const dynamic_stream& stream) {

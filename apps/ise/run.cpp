@@ -43,9 +43,9 @@ task<> run_action(context& in, run_command_options options) {
     auto started = co_await start_dynamic(who, service, std::move(goal), limits);
     if (!started) throw problem(started.error()).of_call(started.error().executed());
     auto& run = *started;
-    if (run.before() > 0)
-        note(in.set, fmt::format("accepted; {} other goal{} executed first", run.before(),
-                                 run.before() == 1 ? " is" : "s are"));
+    if (run.queue_position() > 0)
+        note(in.set, fmt::format("accepted; {} other goal{} executed first", run.queue_position(),
+                                 run.queue_position() == 1 ? " is" : "s are"));
     const auto style = in.set.pretty ? json_style::pretty : json_style::compact;
     for (;;) {
         auto report = co_await run.next();

@@ -53,7 +53,7 @@ void telecommand_audience::provide(std::function<std::vector<telecommand_status>
 }
 
 void telecommand_audience::tell(const telecommand_status& change) {
-    states_.to_some(change, [this, &change](const ise::subscriber_info& subscriber) {
+    states_.publish_if(change, [this, &change](const ise::subscriber_info& subscriber) {
         auto who = followers_.find(subscriber.number);
         return who == followers_.end() || who->second == 0 || who->second == change.id;
     });

@@ -19,7 +19,7 @@ telemetry_follower::telemetry_follower(ise::component& self, ise::remote provide
 telemetry_follower::~telemetry_follower() = default; // `alive_` goes: an answer that is under way finds nobody
 
 ise::task<> telemetry_follower::run() {
-    auto packets = co_await provider_.subscribe(services::telemetry, ise::subscribe_options::last(1024));
+    auto packets = co_await provider_.subscribe(services::telemetry, ise::subscribe_options::keep_last(1024));
     struct following {
         telemetry_follower& of;
         ~following() {

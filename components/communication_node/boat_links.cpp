@@ -79,7 +79,7 @@ ise::task<> boat_links::follow_telemetry(proxy_state& of) {
     constexpr std::size_t batch = 256;
     for (;;) {
         try {
-            auto packets = co_await of.remote.subscribe(services::telemetry, ise::subscribe_options::last(4096));
+            auto packets = co_await of.remote.subscribe(services::telemetry, ise::subscribe_options::keep_last(4096));
             struct registered {
                 proxy_state& of;
                 ~registered() { of.stream = nullptr; }
@@ -128,7 +128,7 @@ ise::task<> boat_links::follow_telecommands(proxy_state& of) {
         try {
             follow_telecommand all;
             auto states =
-                co_await of.remote.subscribe(services::telecommand_state, all, ise::subscribe_options::last(1024));
+                co_await of.remote.subscribe(services::telecommand_state, all, ise::subscribe_options::keep_last(1024));
             for (const auto& status : states.response().now) then_.status(of.health.link, status);
             for (;;) {
                 auto status = co_await states.next();

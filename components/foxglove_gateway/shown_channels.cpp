@@ -184,11 +184,11 @@ task<> shown_channels::feed(std::shared_ptr<shown_channels> me, std::shared_ptr<
     } guard{*from};
     auto& in = *me->in_;
     auto who = in.self.at(from->path);
-    subscribe_options terms = subscribe_options::latest();
+    subscribe_options terms = subscribe_options::keep_latest();
     const bool events = from->has_events();
-    if (events) terms = subscribe_options::last(in.options.viewer.max_events);
-    else if (from->derived) terms = subscribe_options::last(derived_depth);
-    else if (in.options.viewer.depth > 1) terms = subscribe_options::last(in.options.viewer.depth);
+    if (events) terms = subscribe_options::keep_last(in.options.viewer.max_events);
+    else if (from->derived) terms = subscribe_options::keep_last(derived_depth);
+    else if (in.options.viewer.depth > 1) terms = subscribe_options::keep_last(in.options.viewer.depth);
     duration pause = first_pause;
     while (from->wanted) {
         auto request = default_packet(from->contract.packet(role::subscribe_request));
@@ -201,7 +201,7 @@ task<> shown_channels::feed(std::shared_ptr<shown_channels> me, std::shared_ptr<
             me->settle(*from, {});
             // Held here, so that it is not destroyed while it is awaited.
             auto held = std::make_shared<dynamic_stream>(std::move(*made));
-            from->leave = [held] { held->leave(); };
+            from->leave = [held] { held->unsubscribe(); };
             ++in.counts.subscriptions;
             struct counted {
                 gateway_context& of;

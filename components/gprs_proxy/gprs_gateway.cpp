@@ -143,7 +143,7 @@ ise::task<ise::result<std::unique_ptr<ise::stream>>> gprs_gateway::reach(std::st
     auto until = ise::saturating_add(now(), options_.login_time);
     std::vector<std::string> listening;
     try {
-        auto options = ise::subscribe_options::latest();
+        auto options = ise::subscribe_options::keep_latest();
         options.deadline = options_.login_time;
         auto proxy = at(path);
         auto states = co_await proxy.subscribe(services::gprs, options);

@@ -67,7 +67,7 @@ struct stream_use {
 
     Contract service;
     typename Contract::subscribe_request request{};
-    ise::subscribe_options options = ise::subscribe_options::latest();
+    ise::subscribe_options options = ise::subscribe_options::keep_latest();
     /// The response to each subscription. May be empty.
     std::function<void(const typename Contract::subscribe_response&)> on_response;
     /// Each packet. False: subscribe again.

@@ -21,7 +21,7 @@ void provider_search::start() {
     if (name_servers_.empty()) return;
     stream_use use(ise::naming::watch);
     use.request.prefix = space_;
-    use.options = ise::subscribe_options::last(256);
+    use.options = ise::subscribe_options::keep_last(256);
     use.health = &health_;
     use.on_packet = [this](const auto& result) {
         if (result.lost_before() != 0 && !result->snapshot) return false; // a new subscription begins with a snapshot

@@ -54,7 +54,7 @@ void proxy_follower::report() {
 
 void proxy_follower::follow_telemetry(const std::string& path) {
     stream_use use(services::telemetry);
-    use.options = ise::subscribe_options::last(512);
+    use.options = ise::subscribe_options::keep_last(512);
     use.health = &telemetry_.try_emplace(path, "is looked for").first->second;
     use.on_packet = [this, path](const auto& packet) {
         if (auto lost = packet.lost_before().value_or(0); lost != 0) context_.state.on_lost(path, lost);
@@ -81,7 +81,7 @@ void proxy_follower::follow_newest(const std::string& path, const Contract& serv
 
 void follow_telecommands(client_context& context, const std::string& path) {
     stream_use use(services::telecommand_state);
-    use.options = ise::subscribe_options::last(256);
+    use.options = ise::subscribe_options::keep_last(256);
     use.on_response = [&context, path](const auto& response) {
         for (const auto& open : response.now) context.state.on_status(path, open, context.clock());
     };

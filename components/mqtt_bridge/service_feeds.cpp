@@ -79,7 +79,7 @@ void service_feeds::remove(const std::string& path, const std::string& service) 
 task<> service_feeds::feed(std::shared_ptr<service_feeds> me, std::shared_ptr<source> from) {
     auto& self = me->in_->self;
     auto who = self.at(from->path);
-    auto terms = from->queued ? subscribe_options::lossless(subscription_depth) : subscribe_options::latest();
+    auto terms = from->queued ? subscribe_options::lossless(subscription_depth) : subscribe_options::keep_latest();
     terms.last_value = !from->queued; // an earlier life may have sent it
     duration pause = first_pause;
     bool before = false;
@@ -94,7 +94,7 @@ task<> service_feeds::feed(std::shared_ptr<service_feeds> me, std::shared_ptr<so
             me->settle(*from, {});
             // Held here, so that it is not destroyed while it is awaited.
             auto held = std::make_shared<dynamic_stream>(std::move(*made));
-            from->leave = [held] { held->leave(); };
+            from->leave = [held] { held->unsubscribe(); };
             struct ending {
                 source& mine;
                 ~ending() { mine.leave = nullptr; }

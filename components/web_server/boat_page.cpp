@@ -137,7 +137,7 @@ ise::task<> boat_page::follow_health(std::string path) {
     bool offered = co_await offers(provider, service);
     while (offered) {
         try {
-            auto states = co_await provider.subscribe(services::communication, ise::subscribe_options::latest());
+            auto states = co_await provider.subscribe(services::communication, ise::subscribe_options::keep_latest());
             for (;;) {
                 auto state = co_await states.next();
                 if (!state) break;
@@ -185,7 +185,8 @@ ise::task<> boat_page::follow_estimates(std::string path) {
     bool offered = co_await offers(provider, service);
     while (offered) {
         try {
-            auto accounts = co_await provider.subscribe(services::iridium_account, ise::subscribe_options::latest());
+            auto accounts =
+                co_await provider.subscribe(services::iridium_account, ise::subscribe_options::keep_latest());
             for (;;) {
                 auto account = co_await accounts.next();
                 if (!account) break;

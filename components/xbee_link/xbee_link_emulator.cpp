@@ -111,7 +111,7 @@ void xbee_link_emulator::listen_to_boat() {
     auto follow = [](xbee_link_emulator& self, ise::remote whom) -> ise::task<> {
         for (;;) {
             try {
-                auto options = ise::subscribe_options::latest();
+                auto options = ise::subscribe_options::keep_latest();
                 auto truths = co_await whom.subscribe(services::truth, options);
                 for (;;) {
                     auto truth = co_await truths.next();

@@ -42,7 +42,7 @@ TEST_CASE("the shore sees every loss of a boat that is cut off and then crashes"
             auto boat = self.at(ise::endpoint::parse("tcp://boat:7000").value());
             set_mode hold{"hold"};
             co_await boat.call(helm, hold, 5s);
-            auto lines = co_await boat.subscribe(logbook, ise::subscribe_options::last(4));
+            auto lines = co_await boat.subscribe(logbook, ise::subscribe_options::keep_last(4));
             for (;;) {
                 auto line = co_await lines.next();
                 if (!line) break;

@@ -12,7 +12,7 @@ class shore : public ise::component {
         set_mode hold{"hold"};
         auto reply = co_await boat.call(helm, hold, 10s);
         fmt::print("hold: {}\n", reply.accepted ? "accepted" : reply.reason);
-        auto lines = co_await boat.subscribe(logbook, ise::subscribe_options::latest());
+        auto lines = co_await boat.subscribe(logbook, ise::subscribe_options::keep_latest());
         for (;;) {
             auto line = co_await lines.next();
             if (!line || line->mile >= 2) break;

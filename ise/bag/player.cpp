@@ -365,7 +365,7 @@ task<> compare(component& self, std::shared_ptr<Shared> of, std::shared_ptr<cons
     bool over = false;
     timer late(self.on(), [&] {
         over = true;
-        if (stream) stream->leave();
+        if (stream) stream->unsubscribe();
     });
     late.arm(end);
     for (std::uint64_t number = 0;; ++number) {

@@ -340,7 +340,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
     // Its parameters as they are, and then each change.
     static task<> follow_parameters(std::shared_ptr<state> me, std::string path) {
         auto who = me->self.at(path);
-        auto terms = subscribe_options::last(1024);
+        auto terms = subscribe_options::keep_last(1024);
         terms.last_value = false;
         subscriber<std::remove_const_t<decltype(parameter_changes_service)>> changes;
         bool follows = true;
@@ -432,7 +432,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
     template <class Packet>
     static task<> record_shown(std::shared_ptr<state> me, std::string path, subscription<Packet> from,
                                std::string missed, std::function<void(const Packet&, std::optional<wall_time>)> take) {
-        auto terms = subscribe_options::last(4096);
+        auto terms = subscribe_options::keep_last(4096);
         terms.last_value = false;
         subscriber<subscription<Packet>> shown;
         bool shows = true;

@@ -35,7 +35,7 @@ void output_feed::look() {
         if (piece.text.empty()) continue;
         for (const auto& path : followed) {
             piece.path = path;
-            output_.to_some(piece, [&](const subscriber_info& who) {
+            output_.publish_if(piece, [&](const subscriber_info& who) {
                 auto found = followers_.find(who.number);
                 return found != followers_.end() && found->second == path;
             });

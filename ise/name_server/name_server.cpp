@@ -269,7 +269,7 @@ void name_server::changed() {
         for (const auto& event : events)
             if (naming::lies_below(event.name.path, prefix)) packet.events.push_back(event);
         if (packet.events.empty()) continue;
-        events_.to_some(packet, [&](const subscriber_info& who) {
+        events_.publish_if(packet, [&](const subscriber_info& who) {
             auto found = watchers_.find(who.number);
             return found != watchers_.end() && found->second.has_snapshot && found->second.prefix == prefix;
         });
@@ -314,7 +314,7 @@ void name_server::tell_watchers(const std::string& role) {
 
 void name_server::tell_members(const std::string& role, const std::function<bool(const subscriber_info&)>& whom) {
     auto packet = registry_->members_of(role, now());
-    role_changes_.to_some(packet, whom);
+    role_changes_.publish_if(packet, whom);
 }
 
 void name_server::welcome(std::uint64_t number) {
@@ -325,7 +325,7 @@ void name_server::welcome(std::uint64_t number) {
     naming::name_events packet;
     packet.snapshot = true;
     packet.events = registry_->snapshot(found->second.prefix);
-    events_.to_some(packet, [number](const subscriber_info& who) { return who.number == number; });
+    events_.publish_if(packet, [number](const subscriber_info& who) { return who.number == number; });
 }
 
 task<naming::await_response> name_server::wait_for(std::string path, std::uint64_t other_than, time_point until) {

@@ -34,7 +34,7 @@ role_watch::role_watch(service_host& host, remote server, std::string role,
 
 role_watch::~role_watch() {
     state_->over = true;
-    if (state_->subscribed && !state_->host.on().abandoned()) state_->packets.leave(); // which ends the coroutine
+    if (state_->subscribed && !state_->host.on().abandoned()) state_->packets.unsubscribe(); // which ends the coroutine
 }
 
 bool role_watch::current() const noexcept { return state_->heard && state_->packets.connected(); }
@@ -44,7 +44,7 @@ task<> role_watch::run(std::shared_ptr<state> self) {
     while (!self->over) {
         naming::role_request request;
         request.role = self->role;
-        auto options = subscribe_options::latest();
+        auto options = subscribe_options::keep_latest();
         std::optional<failure> why;
         try {
             auto begun = co_await self->server.subscribe(naming::role_changes, request, options);

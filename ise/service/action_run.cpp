@@ -12,7 +12,7 @@ namespace ise {
 namespace {
 
 subscribe_options terms_of(const run_options& options) {
-    auto made = subscribe_options::last(std::max<std::uint32_t>(options.depth, 1));
+    auto made = subscribe_options::keep_last(std::max<std::uint32_t>(options.depth, 1));
     made.last_value = false;
     made.deadline = options.accept;
     return made;
@@ -77,7 +77,7 @@ void run_core::take_response(bytes_view raw) {
     action_accepted answer;
     if (!raw.empty()) decode_into(answer, raw);
     if (!accepted()) {
-        before_ = answer.before;
+        queue_position_ = answer.before;
         request()[action_layout::known] = std::byte{1};
         if (limits_.idle > duration{}) idle_.arm(saturating_add(on_.now(), limits_.idle));
     }
@@ -85,22 +85,22 @@ void run_core::take_response(bytes_view raw) {
 
 // The provider keeps the run for its linger, and gives it up then.
 void run_core::on_session_lost() {
-    if (!over() && !away_.armed()) away_.arm(saturating_add(on_.now(), owner_->runtime().options().linger));
+    if (!done() && !away_.armed()) away_.arm(saturating_add(on_.now(), owner_->runtime().options().linger));
 }
 
 void run_core::look_idle() {
-    if (over()) return;
+    if (done()) return;
     if (!queue_.empty()) idle_.arm(saturating_add(on_.now(), limits_.idle)); // it is this side that is slow
     else give_up(errc::timed_out, fmt::format("reported nothing for {} s (idle)", seconds(limits_.idle)));
 }
 
 void run_core::give_up(errc why, std::string text) {
-    if (over()) return;
+    if (done()) return;
     end_here(failure(why, fmt::format("'{}' at {} {}", service(), owner_->name(), text), execution::unknown));
 }
 
 void run_core::cancel() {
-    if (!ended()) leave();
+    if (!ended()) unsubscribe();
     if (!outcome_)
         conclude(failure(errc::cancelled,
                          fmt::format("'{}' at {} was cancelled by its requester", service(), owner_->name()),
@@ -112,7 +112,7 @@ void run_core::conclude(result<bytes> with) {
     idle_.disarm();
     away_.disarm();
     outcome_.emplace(std::move(with));
-    if (!ended()) leave(); // the provider forgets it
+    if (!ended()) unsubscribe(); // the provider forgets it
 }
 
 std::optional<bytes> run_core::take_report() {

@@ -31,8 +31,8 @@ public:
     /// Cancels it.
     void cancel();
 
-    bool over() const noexcept { return outcome_.has_value() || ended(); }
-    std::uint32_t before() const noexcept { return before_; }
+    bool done() const noexcept { return outcome_.has_value() || ended(); }
+    std::uint32_t queue_position() const noexcept { return queue_position_; }
 
 private:
     void take_response(bytes_view raw) override;
@@ -47,7 +47,7 @@ private:
     failure cause_of_end();
 
     run_options limits_;
-    std::uint32_t before_ = 0;
+    std::uint32_t queue_position_ = 0;
     std::optional<result<bytes>> outcome_;
     timer deadline_, idle_, away_;
 };
@@ -91,9 +91,9 @@ public:
     /// Cancels the run now; `result()` throws errc::cancelled.
     void cancel() { held()->cancel(); }
     /// Whether the outcome is known.
-    bool over() const { return held()->over(); }
+    bool done() const { return held()->done(); }
     /// How many goals the provider executes before it, as it said when it accepted this one.
-    std::uint32_t before() const { return held()->before(); }
+    std::uint32_t queue_position() const { return held()->queue_position(); }
     /// Whether the provider is connected now.
     bool connected() const { return held()->connected(); }
 

@@ -168,13 +168,13 @@ private:
 dynamic_stream::dynamic_stream(std::shared_ptr<core> made) noexcept : core_(std::move(made)) {}
 
 dynamic_stream& dynamic_stream::operator=(dynamic_stream&& other) noexcept {
-    if (core_ && core_ != other.core_) core_->leave();
+    if (core_ && core_ != other.core_) core_->unsubscribe();
     core_ = std::move(other.core_);
     return *this;
 }
 
 dynamic_stream::~dynamic_stream() {
-    if (core_) core_->leave();
+    if (core_) core_->unsubscribe();
 }
 
 task<received<dynamic_packet>> dynamic_stream::next() { return core::next(core_); }
@@ -184,8 +184,8 @@ const subscription_counts& dynamic_stream::counts() const noexcept { return core
 bool dynamic_stream::connected() const noexcept { return core_->connected(); }
 bool dynamic_stream::ended() const noexcept { return core_->ended(); }
 const failure& dynamic_stream::cause() const noexcept { return core_->cause(); }
-void dynamic_stream::leave() { core_->leave(); }
-task<result<dynamic_packet>> dynamic_stream::leave(dynamic_packet request, duration deadline) {
+void dynamic_stream::unsubscribe() { core_->unsubscribe(); }
+task<result<dynamic_packet>> dynamic_stream::unsubscribe(dynamic_packet request, duration deadline) {
     return core::leave_with(core_, std::move(request), deadline);
 }
 
@@ -227,7 +227,7 @@ task<result<dynamic_packet>> outcome_of(std::shared_ptr<run_core> core, schema t
 task<std::optional<dynamic_packet>> dynamic_run::next() { return next_report(core_, types_.feedback); }
 task<result<dynamic_packet>> dynamic_run::outcome() { return outcome_of(core_, types_.result); }
 void dynamic_run::cancel() { core_->cancel(); }
-std::uint32_t dynamic_run::before() const { return core_->before(); }
+std::uint32_t dynamic_run::queue_position() const { return core_->queue_position(); }
 
 task<result<dynamic_run>> start_dynamic(remote provider, dynamic_contract service, dynamic_packet goal,
                                         run_options options) {

@@ -83,11 +83,11 @@ public:
     /// Only where `ended()`.
     const failure& cause() const noexcept;
     /// Ends it now; a waiting `next()` returns an empty packet. The provider gets a default unsubscribe packet.
-    void leave();
+    void unsubscribe();
     /// The same with an unsubscribe packet, which is adapted to the service: returns the provider's response. See
     /// `subscriber::leave`, also for the errors, and errc::invalid_argument for a packet that does not fit.
     /// Cancellation: terminal; the subscription has ended.
-    task<result<dynamic_packet>> leave(dynamic_packet request, duration deadline = duration());
+    task<result<dynamic_packet>> unsubscribe(dynamic_packet request, duration deadline = duration());
 
     class core;
     /// Made by `subscribe_dynamic`.
@@ -122,7 +122,7 @@ public:
     /// Cancels the run now.
     void cancel();
     /// How many goals the provider executes before it.
-    std::uint32_t before() const;
+    std::uint32_t queue_position() const;
 
     /// Made by `start_dynamic`.
     dynamic_run(std::shared_ptr<run_core> core, action_schemas types);

@@ -158,8 +158,8 @@ published_packet dynamic_publication::made(const dynamic_packet& packet) const {
 
 void dynamic_publication::operator()(const dynamic_packet& packet) const { core().publish(made(packet)); }
 
-void dynamic_publication::to_some(const dynamic_packet& packet,
-                                  function_ref<bool(const subscriber_info&)> wants) const {
+void dynamic_publication::publish_if(const dynamic_packet& packet,
+                                     function_ref<bool(const subscriber_info&)> wants) const {
     core().publish_to(made(packet), wants);
 }
 

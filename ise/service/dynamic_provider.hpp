@@ -89,7 +89,7 @@ public:
     /// errc::type_mismatch with the diff if it cannot be.
     void operator()(const dynamic_packet& packet) const;
     /// Publishes only to subscribers for which `wants(const subscriber_info&)` returns true; see `publication`.
-    void to_some(const dynamic_packet& packet, function_ref<bool(const subscriber_info&)> wants) const;
+    void publish_if(const dynamic_packet& packet, function_ref<bool(const subscriber_info&)> wants) const;
     /// Waits until every connected lossless subscriber has room, then publishes; see `publication::send`.
     /// Cancellation: terminal, the packet is not published. The packet is encoded before this returns.
     task<> send(const dynamic_packet& packet) const;

@@ -9,15 +9,15 @@ constexpr duration min_pause = std::chrono::seconds(1);
 
 } // namespace
 
-role_options role_options::stay() noexcept {
+role_options role_options::no_failback() noexcept {
     role_options made;
-    made.come_back = false;
+    made.failback = false;
     return made;
 }
 
-role_options role_options::come_back_after(duration steady) noexcept {
+role_options role_options::failback_after(duration delay) noexcept {
     role_options made;
-    made.steady = steady;
+    made.failback_delay = delay;
     return made;
 }
 
@@ -90,10 +90,10 @@ std::optional<role_choice::change> role_choice::better() const {
         auto next = std::ranges::min_element(members_, {}, open_from);
         return change{*next, open_from(*next)};
     }
-    if (!how_.come_back) return std::nullopt;
+    if (!how_.failback) return std::nullopt;
     for (const auto& one : members_) {
         if (one.path == taken_->path || !outranks(one, *taken_)) continue;
-        return change{one, std::max(saturating_add(present_.at(one.path).since, how_.steady), open_from(one))};
+        return change{one, std::max(saturating_add(present_.at(one.path).since, how_.failback_delay), open_from(one))};
     }
     return std::nullopt;
 }
@@ -102,7 +102,7 @@ void role_choice::put_off(const std::string& path, time_point now) {
     auto found = present_.find(path);
     if (found == present_.end()) return;
     found->second.since = now;
-    found->second.not_before = saturating_add(now, std::max(how_.steady, min_pause));
+    found->second.not_before = saturating_add(now, std::max(how_.failback_delay, min_pause));
 }
 
 } // namespace ise

@@ -69,7 +69,7 @@ service_host::~service_host() { links_share_.names.reset(); }
 
 std::shared_ptr<peer_channel> service_host::link_to(const std::string& path, role_options how) {
     // No path has a blank.
-    auto& known = links_[how.come_back ? fmt::format("{} {}", path, how.steady.count()) : path + " stay"];
+    auto& known = links_[how.failback ? fmt::format("{} {}", path, how.failback_delay.count()) : path + " stay"];
     auto held = known.lock();
     if (!held) known = held = std::make_shared<peer_channel>(links_share_, path, std::vector<endpoint>(), how);
     return held;

@@ -82,7 +82,7 @@ public:
     /// Publishes only to subscribers for which `wants(const subscriber_info&)` returns true, such as those with a
     /// matching filter, or a new one that needs a snapshot. The others count the packet as skipped, not as lost.
     template <class Wants>
-    void to_some(const packet_type& packet, Wants wants) const {
+    void publish_if(const packet_type& packet, Wants wants) const {
         core().publish_to(made(packet), wants);
     }
 

@@ -54,12 +54,12 @@ public:
     subscriber(subscriber&&) noexcept = default;
     /// The same; a subscription that was held before is ended.
     subscriber& operator=(subscriber&& other) noexcept {
-        if (core_ && core_ != other.core_) core_->leave();
+        if (core_ && core_ != other.core_) core_->unsubscribe();
         core_ = std::move(other.core_);
         return *this;
     }
     ~subscriber() {
-        if (core_) core_->leave();
+        if (core_) core_->unsubscribe();
     }
 
     /// Waits for the next packet; empty when the subscription has ended (`cause()` says why).
@@ -83,13 +83,13 @@ public:
     /// Only where `ended()`.
     const failure& cause() const { return held()->cause(); }
     /// Ends it now; a waiting `next()` returns an empty packet. The provider gets a default unsubscribe packet.
-    void leave() { held()->leave(); }
+    void unsubscribe() { held()->unsubscribe(); }
     /// The same with an unsubscribe packet: returns the provider's response, waiting for it at most `deadline` (zero:
     /// the component's default). Throws ise::error: peer_lost (not executed: the provider is unreachable), timed_out,
     /// handler_failed, and `cause()` if it had ended before; the subscription ends in any case. Cancellation: terminal.
     /// With g++ 12, `request` must be a named variable.
-    task<typename Contract::unsubscribe_response> leave(typename Contract::unsubscribe_request request,
-                                                        duration deadline = duration()) {
+    task<typename Contract::unsubscribe_response> unsubscribe(typename Contract::unsubscribe_request request,
+                                                              duration deadline = duration()) {
         return core::leave_with(held(), std::move(request), deadline);
     }
 

@@ -11,14 +11,14 @@ namespace ise {
 
 using detail::gap_of;
 
-subscribe_options subscribe_options::latest() {
+subscribe_options subscribe_options::keep_latest() {
     subscribe_options made;
     made.policy = overflow::keep_latest;
     made.depth = 1;
     return made;
 }
 
-subscribe_options subscribe_options::last(std::uint32_t depth) {
+subscribe_options subscribe_options::keep_last(std::uint32_t depth) {
     subscribe_options made;
     made.depth = depth;
     return made;
@@ -27,6 +27,13 @@ subscribe_options subscribe_options::last(std::uint32_t depth) {
 subscribe_options subscribe_options::lossless(std::uint32_t depth) {
     subscribe_options made;
     made.policy = overflow::lossless;
+    made.depth = depth;
+    return made;
+}
+
+subscribe_options subscribe_options::disconnect(std::uint32_t depth) {
+    subscribe_options made;
+    made.policy = overflow::disconnect;
     made.depth = depth;
     return made;
 }
@@ -63,11 +70,11 @@ task<result<void>> subscriber_core::begin() {
                                             owner_->obstacle().empty() ? "" : ": ", owner_->obstacle()))
                         : failure(errc::cancelled, fmt::format("subscribing to '{}' was cancelled", service_));
     if (late && !session_) owner_->on_missed(*this);
-    leave();
+    unsubscribe();
     co_return why;
 }
 
-void subscriber_core::leave() {
+void subscriber_core::unsubscribe() {
     if (session_) session_->unsubscribe(*this, farewell_, {});
     session_ = nullptr;
     established_ = false;
@@ -78,7 +85,7 @@ void subscriber_core::leave() {
 task<result<bytes>> subscriber_core::leave_with(bytes request, duration deadline) {
     if (ended_) co_return *ended_;
     if (!session_ || !established_) {
-        leave();
+        unsubscribe();
         co_return failure(
             errc::peer_lost,
             fmt::format("'{}' at {} was left while it was out of reach: it was not asked", service_, owner_->name()));
@@ -89,7 +96,7 @@ task<result<bytes>> subscriber_core::leave_with(bytes request, duration deadline
         saturating_add(on_.now(), deadline > duration{} ? deadline : owner_->runtime().options().default_deadline));
     session_->unsubscribe(*this, request, going);
     session_ = nullptr;
-    leave();
+    unsubscribe();
     if (!going->outcome) co_await going->answered.wait();
     if (!going->outcome)
         co_return failure(errc::timed_out,

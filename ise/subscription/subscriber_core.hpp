@@ -87,11 +87,13 @@ struct subscribe_options {
 
     subscribe_options() = default;
     /// Of a state: only the newest packet counts.
-    static subscribe_options latest();
+    static subscribe_options keep_latest();
     /// The newest `depth` packets.
-    static subscribe_options last(std::uint32_t depth);
-    /// Every packet, or the end of the subscription.
+    static subscribe_options keep_last(std::uint32_t depth);
+    /// Every packet, or the end of the subscription. A publisher that awaits `send` waits while `depth` packets wait.
     static subscribe_options lossless(std::uint32_t depth);
+    /// Every packet; the subscription ends at the first that would be lost. The publisher never waits.
+    static subscribe_options disconnect(std::uint32_t depth);
 };
 
 namespace detail {
@@ -127,7 +129,7 @@ public:
     /// Completes when the provider has committed, or refused. Cancellation: terminal, unsubscribes.
     task<result<void>> begin();
     /// Ends it from this side: unsubscribes. Waiting coroutines get the end.
-    void leave();
+    void unsubscribe();
     /// The same with the user's unsubscribe packet; gives the provider's answer. errc::peer_lost where the provider is
     /// out of reach: it is left all the same. Cancellation: terminal, ends only the wait for the answer.
     task<result<bytes>> leave_with(bytes request, duration deadline);

@@ -56,8 +56,8 @@ void stalled_reader(pair& at) {
     auto out = at.boat.publish(position);
     auto core = at.boat.services->services().find_publication("position");
     at.open();
-    auto idle = sit(at, ise::subscribe_options::last(4));
-    auto busy = follow(at.shore, at.there, ise::subscribe_options::last(64));
+    auto idle = sit(at, ise::subscribe_options::keep_last(4));
+    auto busy = follow(at.shore, at.there, ise::subscribe_options::keep_last(64));
     at.run_until([&] { return busy->subscribed; });
     for (int i = 1; i <= 1000; ++i) {
         REQUIRE(out.try_send(numbered(i))); // never waits
@@ -75,7 +75,7 @@ void stalled_reader(pair& at) {
 }
 
 ise::task<> count_pictures(ise::remote from, std::shared_ptr<std::uint64_t> result) {
-    ise::subscribe_options deep = ise::subscribe_options::last(1000);
+    ise::subscribe_options deep = ise::subscribe_options::keep_last(1000);
     auto stream = co_await subscribe_to(from, pictures, deep);
     for (;;) {
         auto packet = co_await stream.next();
@@ -105,7 +105,7 @@ void bounded_bytes(pair& at) {
 void newest_only(pair& at) {
     auto out = at.boat.publish(position);
     at.open();
-    auto got = sit(at, ise::subscribe_options::latest());
+    auto got = sit(at, ise::subscribe_options::keep_latest());
     for (int i = 1; i <= 200; ++i) {
         out(numbered(i));
         if (i % 10 == 0)
@@ -123,10 +123,7 @@ void newest_only(pair& at) {
 void too_slow(pair& at) {
     auto out = at.boat.publish(position);
     at.open();
-    ise::subscribe_options strict;
-    strict.policy = ise::overflow::disconnect;
-    strict.depth = 3;
-    auto got = sit(at, strict);
+    auto got = sit(at, ise::subscribe_options::disconnect(3));
     for (int i = 1; i <= 4; ++i) out(numbered(i));
     at.run_until([&] { return got->stream->ended(); });
     CHECK(got->stream->cause().code() == errc::overloaded);

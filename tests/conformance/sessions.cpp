@@ -104,7 +104,7 @@ void moving_peer(pair& at) {
     at.boat.provide(helm, [](set_mode asked) { return mode_set{true, asked.mode}; });
     auto out = at.boat.publish(position);
     at.open_through_relay();
-    auto got = follow(at.shore, at.there, ise::subscribe_options::last(64));
+    auto got = follow(at.shore, at.there, ise::subscribe_options::keep_last(64));
     at.run_until([&] { return got->subscribed; });
     auto session = at.shore.services->sessions().begin()->second;
     for (int i = 1; i <= 10; ++i) {

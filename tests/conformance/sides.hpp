@@ -78,7 +78,7 @@ public:
     bool ended() const { return dynamic_ ? dynamic_->ended() : typed_.ended(); }
     const ise::failure& cause() const { return dynamic_ ? dynamic_->cause() : typed_.cause(); }
     ise::task<parting> leave(farewell last, ise::duration deadline) {
-        if (!dynamic_) return typed_.leave(std::move(last), deadline);
+        if (!dynamic_) return typed_.unsubscribe(std::move(last), deadline);
         return leave_typed(*dynamic_, ise::to_dynamic(last), deadline);
     }
 
@@ -88,7 +88,7 @@ private:
         co_return typed<packet>(came);
     }
     static ise::task<parting> leave_typed(ise::dynamic_stream& from, ise::dynamic_packet last, ise::duration deadline) {
-        auto answer = co_await from.leave(std::move(last), deadline);
+        auto answer = co_await from.unsubscribe(std::move(last), deadline);
         co_return answer.value().template as<parting>();
     }
 

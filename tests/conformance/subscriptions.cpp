@@ -12,7 +12,7 @@ void in_order_and_counted(pair& at) {
     auto out = at.boat.publish(position);
     at.open();
     out(numbered(1));
-    auto got = follow(at.shore, at.there, ise::subscribe_options::last(8));
+    auto got = follow(at.shore, at.there, ise::subscribe_options::keep_last(8));
     at.run_until([&] { return got->any(); });
     CHECK(got->subscribed);
     for (int i = 2; i <= 501; ++i) {
@@ -74,7 +74,7 @@ void once(pair& at) {
     if (at.has.relay_at.empty()) at.open();
     else at.open_through_relay();
     if (at.between) at.between->roughen();
-    auto got = follow(at.shore, at.there, ise::subscribe_options::last(1000));
+    auto got = follow(at.shore, at.there, ise::subscribe_options::keep_last(1000));
     at.run_until([&] { return got->subscribed; });
     for (int i = 1; i <= 500; ++i) {
         out(numbered(i));
@@ -91,7 +91,7 @@ void once(pair& at) {
 void exact_gap(pair& at) {
     auto out = at.boat.publish(position);
     at.open();
-    auto got = follow(at.shore, at.there, ise::subscribe_options::last(4));
+    auto got = follow(at.shore, at.there, ise::subscribe_options::keep_last(4));
     at.run_until([&] { return out.subscribers() == 1; });
     for (int i = 1; i <= 10; ++i) out(numbered(i));
     at.run_until([&] { return got->last() == 10; });
@@ -119,7 +119,7 @@ ise::task<std::string> rent_and_leave(ise::remote from) {
     set_mode asked{"x"};
     auto made = co_await subscribe_to(from, rented, std::move(asked), options);
     parting said{"fair winds"};
-    auto answer = co_await made.leave(said, 1min);
+    auto answer = co_await made.unsubscribe(said, 1min);
     co_return answer.word;
 }
 
@@ -167,7 +167,7 @@ void lossless_over_a_cut(pair& at) {
 void unknown_after_restart(pair& at) {
     auto out = at.boat.publish(position);
     at.open();
-    auto got = follow(at.shore, at.there, ise::subscribe_options::last(4));
+    auto got = follow(at.shore, at.there, ise::subscribe_options::keep_last(4));
     at.run_until([&] { return out.subscribers() == 1; });
     out(numbered(100));
     at.run_until([&] { return got->last() == 100; });
@@ -186,7 +186,7 @@ void unknown_after_restart(pair& at) {
 void unknown_after_linger(pair& at) {
     auto out = at.boat.publish(position);
     at.open();
-    auto got = follow(at.shore, at.there, ise::subscribe_options::last(4));
+    auto got = follow(at.shore, at.there, ise::subscribe_options::keep_last(4));
     at.run_until([&] { return out.subscribers() == 1; });
     out(numbered(1));
     at.run_until([&] { return got->last() == 1; });

@@ -129,7 +129,7 @@ void sail(pair& at, const std::vector<fault>& script) {
     auto out = at.boat.publish(position);
     if (at.has.relay_at.empty()) at.open();
     else at.open_through_relay();
-    auto got = follow(at.shore, at.there, ise::subscribe_options::last(8));
+    auto got = follow(at.shore, at.there, ise::subscribe_options::keep_last(8));
     at.run_until([&] { return got->subscribed; });
     ticker clock(at.boat, out, at.over.is_virtual() ? 20ms : 2ms);
     for (std::size_t round = 0; round < script.size(); ++round) {

@@ -36,13 +36,10 @@ private:
 ise::subscribe_options draw_terms(dice& draw) {
     ise::subscribe_options made;
     switch (draw.between(0, 5)) {
-        case 0: made = ise::subscribe_options::latest(); break;
+        case 0: made = ise::subscribe_options::keep_latest(); break;
         case 1: made = ise::subscribe_options::lossless(static_cast<std::uint32_t>(draw.between(1, 24))); break;
-        case 2:
-            made.policy = ise::overflow::disconnect;
-            made.depth = static_cast<std::uint32_t>(draw.between(4, 64));
-            break;
-        default: made = ise::subscribe_options::last(static_cast<std::uint32_t>(draw.between(1, 40))); break;
+        case 2: made = ise::subscribe_options::disconnect(static_cast<std::uint32_t>(draw.between(4, 64))); break;
+        default: made = ise::subscribe_options::keep_last(static_cast<std::uint32_t>(draw.between(1, 40))); break;
     }
     made.last_value = draw.chance(0.6);
     if (draw.chance(0.2)) made.min_interval = draw.time(5ms, 400ms);

@@ -216,12 +216,11 @@ public:
 private:
     static ise::subscribe_options policy(const std::string& name, std::uint32_t depth) {
         ise::subscribe_options made;
-        if (name == "latest") made = ise::subscribe_options::latest();
-        else if (name == "last") made = ise::subscribe_options::last(depth);
+        if (name == "latest") made = ise::subscribe_options::keep_latest();
+        else if (name == "last") made = ise::subscribe_options::keep_last(depth);
         else if (name == "lossless") made = ise::subscribe_options::lossless(depth);
-        else if (name == "disconnect") made.policy = ise::overflow::disconnect;
+        else if (name == "disconnect") made = ise::subscribe_options::disconnect(depth);
         else throw std::runtime_error("no such policy: " + name);
-        made.depth = name == "latest" ? 1 : depth;
         made.last_value = false;
         return made;
     }

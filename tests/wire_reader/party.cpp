@@ -203,7 +203,7 @@ private:
         request.content.assign(3u << 20, 7);
         auto back = co_await there_.call(echo, request, 1min);
         say(fmt::format("echo {}", back.content.size()));
-        auto images = co_await there_.subscribe(pictures, ise::subscribe_options::last(8));
+        auto images = co_await there_.subscribe(pictures, ise::subscribe_options::keep_last(8));
         burst wanted{5, 600'000};
         co_await there_.call(publish_pictures, wanted, 1min);
         for (std::uint64_t seen = 0; seen < 5;) {
@@ -226,7 +226,7 @@ private:
         request.content.assign(700'000, 7);
         auto back = co_await there_.call(echo, request, 1min);
         say(fmt::format("echo {}", back.content.size()));
-        auto images = co_await there_.subscribe(pictures, ise::subscribe_options::last(8));
+        auto images = co_await there_.subscribe(pictures, ise::subscribe_options::keep_last(8));
         burst wanted{5, 200'000};
         co_await there_.call(publish_pictures, wanted, 1min);
         for (std::uint64_t seen = 0; seen < 5;) {
@@ -253,15 +253,13 @@ private:
     }
 
     ise::task<> subscriptions() {
-        co_await take("latest", ise::subscribe_options::latest(), 400, false);
-        co_await take("last", ise::subscribe_options::last(16), 400, false);
+        co_await take("latest", ise::subscribe_options::keep_latest(), 400, false);
+        co_await take("last", ise::subscribe_options::keep_last(16), 400, false);
         if (to_.kind != ise::protocol::udp) co_await take("lossless", ise::subscribe_options::lossless(5), 200, true);
-        auto slow = ise::subscribe_options::last(16);
+        auto slow = ise::subscribe_options::keep_last(16);
         slow.min_interval = 20ms;
         co_await take("limited", slow, 50, false);
-        auto strict = ise::subscribe_options::last(4);
-        strict.policy = ise::overflow::disconnect;
-        co_await take("disconnect", strict, 5000, false);
+        co_await take("disconnect", ise::subscribe_options::disconnect(4), 5000, false);
         from_number unlucky{13};
         std::string outcome = "subscribed";
         try {
@@ -296,7 +294,7 @@ private:
     }
 
     ise::task<> resume() {
-        auto options = ise::subscribe_options::last(8);
+        auto options = ise::subscribe_options::keep_last(8);
         options.last_value = false;
         from_number first{5};
         auto stream = co_await there_.subscribe(fixes, first, options);

@@ -57,7 +57,7 @@ int main() {
     node.start(
         "demo/client",
         [&](ise::component& self) -> ise::task<> {
-            auto gateway = co_await self.find("demo/gateway", ise::role_options::come_back_after(100ms));
+            auto gateway = co_await self.find("demo/gateway", ise::role_options::failback_after(100ms));
             question ask;
             while (first != "demo/gateway2") { // the preferred one may come up last
                 auto got = co_await gateway.try_call(who, ask, 5s);

@@ -35,7 +35,7 @@ gprs_sea::watched_link& gprs_sea::watch_gprs() {
         self.listen(boat_of(self), atirma::services::truth,
                     [&into](const atirma::ground_truth& truth) { into.truth = truth; });
         auto shore = gprs(self);
-        auto many = ise::subscribe_options::last(20'000);
+        auto many = ise::subscribe_options::keep_last(20'000);
         auto packets = co_await shore.subscribe(atirma::services::telemetry, many);
         for (;;) {
             auto packet = co_await packets.next();

@@ -217,7 +217,7 @@ listener& shore::listen(const std::string& whom, const std::string& from) {
         self.listen(
             there, services::telecommand_state,
             [&into](const telecommand_status& status) { into.states.push_back(status); },
-            ise::subscribe_options::last(1024));
+            ise::subscribe_options::keep_last(1024));
         self.listen(there, services::authority_changes,
                     [&into](const authority_state& state) { into.authorities.push_back(state); });
         telemetry_follower follower(self, there, [&into](const telemetry_packet& packet) {

@@ -70,7 +70,7 @@ private:
         co_return got;
     }
     static ise::task<> listen(ise::remote there, console& self) {
-        auto packets = co_await there.subscribe(ticks, ise::subscribe_options::last(64));
+        auto packets = co_await there.subscribe(ticks, ise::subscribe_options::keep_last(64));
         for (;;) {
             auto packet = co_await packets.next();
             if (!packet) co_return;

@@ -108,7 +108,7 @@ TEST_CASE("packets are published and taken without an allocation") {
     fixture f;
     auto fixes = f.boat.publish(position);
     f.meet();
-    auto taken = f.all.run(f.shore, f.there.subscribe(position, ise::subscribe_options::last(64)));
+    auto taken = f.all.run(f.shore, f.there.subscribe(position, ise::subscribe_options::keep_last(64)));
     auto counted = f.count([&] {
         for (int i = 0; i < 8; ++i) fixes(fix{1, 2, 3});
         for (int got = 0; got < 8;) {
@@ -123,7 +123,7 @@ TEST_CASE("packets of varying size are decoded into the memory of those before t
     fixture f;
     auto shots = f.boat.publish(pictures);
     f.meet();
-    auto taken = f.all.run(f.shore, f.there.subscribe(pictures, ise::subscribe_options::last(64)));
+    auto taken = f.all.run(f.shore, f.there.subscribe(pictures, ise::subscribe_options::keep_last(64)));
     blob shot;
     std::size_t size = 0;
     auto counted = f.count([&] {
@@ -162,7 +162,7 @@ TEST_CASE("messages that go in pieces use the memory of those before them") {
     f.boat.provide(look, [size](heading) -> blob { return {std::vector<std::uint8_t>(size, 1)}; });
     auto shots = f.boat.publish(pictures);
     f.meet();
-    auto taken = f.all.run(f.shore, f.there.subscribe(pictures, ise::subscribe_options::last(4)));
+    auto taken = f.all.run(f.shore, f.there.subscribe(pictures, ise::subscribe_options::keep_last(4)));
     blob shot;
     shot.content.assign(size, 1);
     // The vectors are the user's.

@@ -148,7 +148,7 @@ TEST_CASE("a provider decides over its subscribers and hears of those that leave
         auto packets = co_await boat.subscribe(readings);
         auto first = co_await packets.next();
         CHECK(first);
-        packets.leave();
+        packets.unsubscribe();
         co_await self.sleep(1s);
     });
     CHECK(happened == std::vector<std::string>{"asked 1", "asked 2", "left 2"});

@@ -41,7 +41,7 @@ struct scenario {
                 question asked{"ahoy"};
                 auto answer = co_await boat.call(echo, asked, 2s);
             }
-            packets.leave();
+            packets.unsubscribe();
             done = true;
         });
     }

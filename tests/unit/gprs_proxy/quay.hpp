@@ -64,7 +64,7 @@ public:
             self.listen(at_proxy(self), atirma::services::gprs,
                         [this](const atirma::gprs_state& state) { seen.state = state; });
             auto shore = at_proxy(self);
-            auto many = ise::subscribe_options::last(10'000);
+            auto many = ise::subscribe_options::keep_last(10'000);
             auto packets = co_await shore.subscribe(atirma::services::telemetry, many);
             for (;;) {
                 auto packet = co_await packets.next();

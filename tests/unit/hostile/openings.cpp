@@ -38,7 +38,7 @@ struct roadstead : fleet {
         others_do_not_notice();
     }
 
-    listener counting{*this, ise::subscribe_options::last(64)};
+    listener counting{*this, ise::subscribe_options::keep_last(64)};
     std::size_t published = 0;
     std::size_t at_rest = 0; ///< coroutines of the boat
     std::vector<ise::sim::process*> processes;

@@ -156,8 +156,8 @@ std::vector<packet> voyage(int which) {
 TEST_CASE("packets that come together are treated as those that come one by one") {
     const int which = GENERATE(range(0, 14));
     const int policy = GENERATE(range(0, 5));
-    auto options = ise::subscribe_options::last(policy == 0 ? 100 : 4);
-    if (policy == 2) options = ise::subscribe_options::latest();
+    auto options = ise::subscribe_options::keep_last(policy == 0 ? 100 : 4);
+    if (policy == 2) options = ise::subscribe_options::keep_latest();
     if (policy == 3) options = ise::subscribe_options::lossless(8);
     if (policy == 4) options.policy = ise::overflow::disconnect;
     INFO(which << " " << policy);

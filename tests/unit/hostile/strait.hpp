@@ -39,7 +39,7 @@ struct strait : fleet {
         return warned("a message came beside the stream that is not a packet");
     }
 
-    listener counting{*this, ise::subscribe_options::last(64)};
+    listener counting{*this, ise::subscribe_options::keep_last(64)};
     std::size_t published = 0;
     raw_channel peer{all, sea, channel};
 

@@ -30,7 +30,7 @@ TEST_CASE("hostile: who subscribes and vanishes again and again leaves max_linge
     options.max_lingering = 50;
     fleet at(either(), options);
     INFO(at.channel);
-    listener counting(at, ise::subscribe_options::last(64));
+    listener counting(at, ise::subscribe_options::keep_last(64));
     at.all.world.run_for(1s);
     auto body = ise::encode(fleet::terms());
     for (int life = 0; life < 20; ++life) {
@@ -108,7 +108,7 @@ TEST_CASE("hostile: a subscriber that never reads is held no more than session_b
     options.session_bytes = 256 << 10;
     fleet at(either(), options);
     INFO(at.channel);
-    listener counting(at, ise::subscribe_options::last(64));
+    listener counting(at, ise::subscribe_options::keep_last(64));
     raw_peer peer(at.all, at.sea, at.channel, false);
     peer.greet();
     auto terms = fleet::terms();
@@ -180,7 +180,7 @@ TEST_CASE("hostile: a lossless subscriber that grants nothing holds its publishe
 TEST_CASE("hostile: who accepts no packet is told of a few times, and not of each packet") {
     fleet at(either());
     INFO(at.channel);
-    listener counting(at, ise::subscribe_options::last(1000));
+    listener counting(at, ise::subscribe_options::keep_last(1000));
     raw_peer peer(at.all, at.sea, at.channel);
     ise::wire::limits nothing;
     nothing.max_message_bytes = 0;

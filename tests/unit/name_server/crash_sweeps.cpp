@@ -24,7 +24,7 @@ struct onlooker {
     std::string holder;
 
     static ise::task<> call(ise::component& self, std::string whom, onlooker& into, ise::duration deadline) {
-        auto there = self.at(whom, ise::role_options::come_back_after(1s));
+        auto there = self.at(whom, ise::role_options::failback_after(1s));
         for (;;) {
             number asked{21};
             auto got = co_await there.try_call(twice, asked, deadline);

@@ -136,7 +136,7 @@ TEST_CASE(
     "roles: a handle comes back to a better member once it is there for the steady time, or stays if it is told to") {
     bool stay = GENERATE(false, true);
     CAPTURE(stay);
-    shore at(2, stay ? ise::role_options::stay() : ise::role_options::come_back_after(5s));
+    shore at(2, stay ? ise::role_options::no_failback() : ise::role_options::failback_after(5s));
     at.start_caller();
     at.start_listener();
     REQUIRE(at.answers_from(1, 5s));
@@ -162,7 +162,7 @@ TEST_CASE("roles: moving to a better member leaves the calls that run where they
     shore at(0);
     at.start_member(2, 3s);
     REQUIRE(at.it.world.run_until([&] { return at.it.holds("shore/gateway2"); }, 5s));
-    at.how = ise::role_options::come_back_after(100ms);
+    at.how = ise::role_options::failback_after(100ms);
     at.start_caller(10s);
     REQUIRE(at.it.world.run_until([&] { return at.gateways.at(2)->served == 1; }, 5s));
     at.start_member(1);
@@ -248,7 +248,7 @@ TEST_CASE("roles: a component takes up and leaves a role while it runs") {
     it.start("host2", "two", [&](ise::node& node) { second = &node.start("test/two", serve(2, 0), everywhere()); });
     std::int64_t last = 0;
     it.start_body("boat", "caller", [&](ise::component& self) -> ise::task<> {
-        auto there = co_await self.find(std::string(role), ise::role_options::come_back_after(1s), 10s);
+        auto there = co_await self.find(std::string(role), ise::role_options::failback_after(1s), 10s);
         for (;;) {
             auto got = co_await there.try_call(twice, number{1}, 5s);
             if (got) last = got->value;

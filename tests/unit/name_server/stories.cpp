@@ -486,7 +486,7 @@ TEST_CASE("names: a watch begins with a snapshot and tells every change below it
         auto server = name_server_of(self);
         ise::naming::watch_request request;
         request.prefix = "atirma";
-        auto options = ise::subscribe_options::last(64);
+        auto options = ise::subscribe_options::keep_last(64);
         auto changes = co_await server.subscribe(ise::naming::watch, request, options);
         for (;;) {
             auto packet = co_await changes.next();

@@ -62,7 +62,7 @@ private:
         for (;;) {
             auto boat = co_await find("atirma/boat");
             auto pilot = co_await find("atirma/pilot");
-            auto packets = co_await boat.subscribe(count, subscribe_options::last(64));
+            auto packets = co_await boat.subscribe(count, subscribe_options::keep_last(64));
             for (;;) {
                 auto packet = co_await packets.next();
                 if (!packet) break;

@@ -135,7 +135,7 @@ public:
 
 private:
     static ise::subscribe_options patient() {
-        auto made = ise::subscribe_options::last(256);
+        auto made = ise::subscribe_options::keep_last(256);
         made.deadline = 30s;
         return made;
     }

@@ -78,7 +78,7 @@ struct last_heard {
     int unknown_gaps = 0;
 };
 ise::task<> follow(ise::remote from, last_heard& into) {
-    auto options = ise::subscribe_options::latest();
+    auto options = ise::subscribe_options::keep_latest();
     options.deadline = 1min;
     auto fixes = co_await from.subscribe(position, options);
     for (;;) {

@@ -142,7 +142,7 @@ ise::task<> request(ise::remote boat, waypoint to, ise::run_options options, sha
     }
     if (into->not_started) co_return;
     into->started = true;
-    into->before = run.before();
+    into->before = run.queue_position();
     for (;;) {
         auto leg = co_await run.next();
         if (!leg) break;
@@ -657,7 +657,7 @@ ise::task<> use_in_report(ise::remote boat, shared_report into) {
     waypoint to{"far", 100'000}, next{"bay", 1};
     auto run = co_await boat.start(sail_to, to);
     auto leg = co_await run.next();
-    if (!leg || run.over() || !run.connected() || run.before() != 0) co_return;
+    if (!leg || run.done() || !run.connected() || run.queue_position() != 0) co_return;
     auto other = co_await boat.start(sail_to, next); // meanwhile more reports came
     run.cancel();
     auto behind = co_await run.next();

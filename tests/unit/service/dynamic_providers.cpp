@@ -216,7 +216,7 @@ namespace {
 
 ise::task<std::vector<double>> latitudes(ise::remote from, std::size_t count) {
     std::vector<double> got;
-    auto fixes = co_await from.subscribe(position, ise::subscribe_options::last(100));
+    auto fixes = co_await from.subscribe(position, ise::subscribe_options::keep_last(100));
     while (got.size() < count) {
         auto packet = co_await fixes.next();
         if (!packet) break;
@@ -271,7 +271,7 @@ TEST_CASE("a dynamic publication waits for lossless subscribers, and publishes f
     REQUIRE(got->get().size() == 101);
     CHECK(got->get().back() == 101);
     std::vector<std::string> asked;
-    out.to_some(ise::to_dynamic(fix{102, 0, 0}), [&](const ise::subscriber_info& who) {
+    out.publish_if(ise::to_dynamic(fix{102, 0, 0}), [&](const ise::subscriber_info& who) {
         asked.push_back(who.peer);
         return false;
     });
@@ -286,7 +286,7 @@ ise::task<std::string> watch_and_leave(ise::remote from) {
     auto stream = co_await from.subscribe(watched, area, options);
     auto result = stream.response().text;
     watch_area last{"harbour"};
-    auto answer = co_await stream.leave(last, 5s);
+    auto answer = co_await stream.unsubscribe(last, 5s);
     co_return result + ", " + answer.text;
 }
 

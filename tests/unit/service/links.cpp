@@ -62,7 +62,8 @@ TEST_CASE("links: whichever byte a link is cut at, a subscription resumes and it
         boat.listen("tcp://0.0.0.0:7400");
         all.world.net().cut("shore", "boat", which, at);
         auto got = std::make_shared<gaps>();
-        auto following = start(shore.on, follow(shore.at("tcp://boat:7400"), got, ise::subscribe_options::last(3)));
+        auto following =
+            start(shore.on, follow(shore.at("tcp://boat:7400"), got, ise::subscribe_options::keep_last(3)));
         for (int i = 1; i <= 40; ++i) {
             publish(boat, fixes, i);
             all.world.run_for(50ms);
@@ -98,7 +99,7 @@ struct ages {
     bool backwards = false;
 };
 ise::task<> measure(ise::loop& on, ise::remote from, std::shared_ptr<ages> into) {
-    auto fixes = co_await from.subscribe(position, ise::subscribe_options::latest());
+    auto fixes = co_await from.subscribe(position, ise::subscribe_options::keep_latest());
     double last = 0;
     for (;;) {
         auto packet = co_await fixes.next();

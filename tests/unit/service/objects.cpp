@@ -184,7 +184,7 @@ TEST_CASE("objects: all subscribers share one copy of what is published, or the 
     fixture f;
     auto out = f.boat.publish(news);
     std::vector<ise::subscriber<ise::subscription<watched>>> in;
-    for (int i = 0; i < 3; ++i) in.push_back(f.run(f.there.subscribe(news, ise::subscribe_options::last(8))));
+    for (int i = 0; i < 3; ++i) in.push_back(f.run(f.there.subscribe(news, ise::subscribe_options::keep_last(8))));
     watched first("first");
     out(first);
     out(watched("second"));
@@ -207,8 +207,8 @@ TEST_CASE("objects: all subscribers share one copy of what is published, or the 
 TEST_CASE("objects: a packet taken by value is moved by its last holder, and copied for the others") {
     fixture f;
     auto out = f.boat.publish(news);
-    auto one = f.run(f.there.subscribe(news, ise::subscribe_options::last(8)));
-    auto two = f.run(f.there.subscribe(news, ise::subscribe_options::last(8)));
+    auto one = f.run(f.there.subscribe(news, ise::subscribe_options::keep_last(8)));
+    auto two = f.run(f.there.subscribe(news, ise::subscribe_options::keep_last(8)));
     out(watched("first"));
     out(watched("second")); // which is the last value now, and is held as that
     auto mine = f.run(take(one, 2));
@@ -245,7 +245,7 @@ TEST_CASE("objects: what was published for some only leaves the newest value for
     auto out = f.boat.publish(news);
     auto first = f.run(f.there.subscribe(news));
     out(watched("for all"));
-    out.to_some(watched("for none"), [](const ise::subscriber_info&) { return false; });
+    out.publish_if(watched("for none"), [](const ise::subscriber_info&) { return false; });
     auto second = f.run(f.there.subscribe(news));
     out(watched("next"));
     auto got = f.run(take(second, 2));
@@ -356,7 +356,7 @@ TEST_CASE("objects: what waits is bounded in bytes, and what is dropped is count
     options.session_bytes = 256 << 10;
     fixture f(GENERATE(false, true), options);
     auto out = f.boat.publish(pictures);
-    auto in = f.run(f.there.subscribe(pictures, ise::subscribe_options::last(1000)));
+    auto in = f.run(f.there.subscribe(pictures, ise::subscribe_options::keep_last(1000)));
     blob shot;
     shot.content.resize(300'000);
     for (int i = 0; i < 20; ++i) out(shot); // in one go: nothing is taken meanwhile
@@ -422,7 +422,7 @@ TEST_CASE("objects: packets that waited go as bytes where the subscriber comes b
     names->where = {near_first ? near : far};
     auto out = f.boat.publish(news);
     auto in = f.run(ise::remote(f.shore.services->link_to("boat", ise::role_options()))
-                        .subscribe(news, ise::subscribe_options::last(8)));
+                        .subscribe(news, ise::subscribe_options::keep_last(8)));
     out(watched("one"));
     CHECK(f.run(take(in, 1)).front()->text == "one");
     names->where.clear();

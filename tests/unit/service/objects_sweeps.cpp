@@ -47,7 +47,7 @@ struct voyage {
     static ise::task<> sail(ise::remote boat) {
         set_mode hold{"hold"};
         auto first = co_await boat.try_call(helm, hold, 2s);
-        auto some = co_await boat.subscribe(pictures, ise::subscribe_options::last(2));
+        auto some = co_await boat.subscribe(pictures, ise::subscribe_options::keep_last(2));
         auto all = co_await boat.subscribe(pictures, ise::subscribe_options::lossless(2));
         for (int i = 0; i < 4; ++i) {
             auto packet = co_await some.next();

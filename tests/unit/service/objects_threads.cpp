@@ -144,7 +144,7 @@ TEST_CASE("objects between threads: whoever goes first, with calls and packets u
             auto there = at.there();
             for (int i = 0; i < 4; ++i)
                 underway.push_back(at.shore->spawn(call_again_and_again(there, ~std::uint64_t{0}, answered)));
-            underway.push_back(at.shore->spawn(listen_to(there, ise::subscribe_options::last(4), listening)));
+            underway.push_back(at.shore->spawn(listen_to(there, ise::subscribe_options::keep_last(4), listening)));
         }
         auto publishing = at.boat->spawn(publish_many(out, 1'000));
         while (*answered < after) std::this_thread::yield();

@@ -54,7 +54,7 @@ TEST_CASE("role choice: one that is lost and not a member any more is not tried"
 }
 
 TEST_CASE("role choice: a better member is one that was there for the steady time") {
-    ise::role_choice of{ise::role_options::come_back_after(5s)};
+    ise::role_choice of{ise::role_options::failback_after(5s)};
     of.know({member("b", 2)}, start);
     of.took(member("b", 2));
     CHECK_FALSE(of.better());
@@ -108,14 +108,14 @@ TEST_CASE("role choice: one that is taken and not told of any more keeps its ran
 }
 
 TEST_CASE("role choice: told to stay, it stays") {
-    ise::role_choice of{ise::role_options::stay()};
+    ise::role_choice of{ise::role_options::no_failback()};
     of.know({member("a", 3), member("b", 2)}, start);
     of.took(member("b", 2));
     CHECK_FALSE(of.better());
 }
 
 TEST_CASE("role choice: one that has left the role is left at once, also by who stays") {
-    ise::role_choice of{ise::role_options::stay()};
+    ise::role_choice of{ise::role_options::no_failback()};
     of.know({member("a", 3), member("b", 2)}, start);
     of.took(member("a", 3));
     CHECK_FALSE(of.unlisted());

@@ -69,7 +69,7 @@ TEST_CASE("packets bear the provider's wall clock when they were published, howe
         at.publish(0);
         const auto first = at.boat.env.wall();
         at.all.world.run_for(5s);
-        auto got = start(at.shore.on, read(at.shore.at(where), 3, ise::subscribe_options::last(10)));
+        auto got = start(at.shore.on, read(at.shore.at(where), 3, ise::subscribe_options::keep_last(10)));
         at.all.run_until([&] { return at.out.subscribers() == 1; });
         at.all.world.run_for(5s);
         const auto second = at.boat.env.wall();
@@ -86,7 +86,7 @@ TEST_CASE("packets bear the provider's wall clock when they were published, howe
 TEST_CASE("packets of one turn bear one time, which the next turn reads anew") {
     fixture at;
     at.boat.listen("tcp://0.0.0.0:7400");
-    auto got = start(at.shore.on, read(at.shore.at("tcp://boat:7400"), 4, ise::subscribe_options::last(10)));
+    auto got = start(at.shore.on, read(at.shore.at("tcp://boat:7400"), 4, ise::subscribe_options::keep_last(10)));
     at.all.run_until([&] { return at.out.subscribers() == 1; });
     {
         ise::loop::turn in(at.boat.on);
@@ -143,7 +143,7 @@ TEST_CASE("a subscriber of a version without times gets packets without them, be
     hello.features = ise::wire::feature::first | ise::wire::feature::clock;
     old.greet(hello);
     old.say(ise::wire::frame_type::subscribe, 1, terms_of(position.types()));
-    auto got = start(at.shore.on, read(at.shore.at("tcp://boat:7400"), 20, ise::subscribe_options::last(100)));
+    auto got = start(at.shore.on, read(at.shore.at("tcp://boat:7400"), 20, ise::subscribe_options::keep_last(100)));
     at.all.run_until([&] { return at.out.subscribers() == 2; });
     {
         ise::loop::turn in(at.boat.on);

@@ -197,7 +197,7 @@ TEST_CASE("a subscription to what is not there, or is another kind of service, i
 TEST_CASE("every policy of a subscriber that does not take its packets") {
     fixture at;
     SECTION("keep latest: only the newest, the gap counted") {
-        auto got = at.sit(ise::subscribe_options::latest());
+        auto got = at.sit(ise::subscribe_options::keep_latest());
         for (int i = 1; i <= 5; ++i) {
             at.publish(i, i);
             at.settle();
@@ -208,7 +208,7 @@ TEST_CASE("every policy of a subscriber that does not take its packets") {
         CHECK(got->stream->counts().lost_here == 4);
     }
     SECTION("keep latest within one turn: dropped at the provider, before it is written") {
-        auto got = at.sit(ise::subscribe_options::latest());
+        auto got = at.sit(ise::subscribe_options::keep_latest());
         at.publish(1, 5);
         at.settle();
         drain(*got);
@@ -218,7 +218,7 @@ TEST_CASE("every policy of a subscriber that does not take its packets") {
         CHECK(at.boat.services->counts().packets_dropped == 4);
     }
     SECTION("keep the last few") {
-        auto got = at.sit(ise::subscribe_options::last(3));
+        auto got = at.sit(ise::subscribe_options::keep_last(3));
         for (int i = 1; i <= 10; ++i) {
             at.publish(i, i);
             at.settle();
@@ -260,10 +260,7 @@ TEST_CASE("every policy of a subscriber that does not take its packets") {
         CHECK(at.fixes.subscribers() == 0);
     }
     SECTION("disconnect: it ends at the first packet that would be lost") {
-        ise::subscribe_options strict;
-        strict.policy = ise::overflow::disconnect;
-        strict.depth = 2;
-        auto got = at.sit(strict);
+        auto got = at.sit(ise::subscribe_options::disconnect(2));
         for (int i = 1; i <= 3; ++i) {
             at.publish(i, i);
             at.settle();
@@ -306,7 +303,8 @@ TEST_CASE("a lossless subscriber that is out of reach holds up a publisher that 
     fixture at;
     auto& far = at.all.add("far");
     auto healthy = std::make_shared<reading>();
-    at.running.push_back(start(far.on, follow(far.at("tcp://boat:7400"), healthy, ise::subscribe_options::last(5000))));
+    at.running.push_back(
+        start(far.on, follow(far.at("tcp://boat:7400"), healthy, ise::subscribe_options::keep_last(5000))));
     auto got = at.read(ise::subscribe_options::lossless(4));
     at.all.run_until([&] { return at.fixes.subscribers() == 2; });
     ise::duration longest{};
@@ -459,9 +457,9 @@ TEST_CASE("a slow subscriber does not slow another") {
     auto& far = at.all.add("far");
     at.all.world.net().between("boat", "far").bandwidth_bytes_per_second = 120;
     auto slow = std::make_shared<reading>();
-    auto slowly = start(far.on, follow(far.at("tcp://boat:7400"), slow, ise::subscribe_options::last(4)));
+    auto slowly = start(far.on, follow(far.at("tcp://boat:7400"), slow, ise::subscribe_options::keep_last(4)));
     at.all.run_until([&] { return at.fixes.subscribers() == 1; });
-    auto quick = at.read(ise::subscribe_options::last(4));
+    auto quick = at.read(ise::subscribe_options::keep_last(4));
     for (int i = 1; i <= 3000; ++i) {
         at.publish(i, i);
         at.all.world.run_for(10ms);
@@ -480,7 +478,7 @@ TEST_CASE("a slow subscriber does not slow another") {
 
 TEST_CASE("a subscription goes on after a cut and knows the gap exactly") {
     fixture at;
-    auto got = at.read(ise::subscribe_options::last(5));
+    auto got = at.read(ise::subscribe_options::keep_last(5));
     at.publish(1, 2);
     at.settle();
     at.all.world.net().partition("boat", "shore");
@@ -574,7 +572,7 @@ TEST_CASE("order holds within a subscription although big packets go in pieces a
     at.all.world.net().between("boat", "shore").bandwidth_bytes_per_second = 10 << 20;
     auto out = at.boat.publish(pictures);
     auto take = [](ise::remote from, std::vector<std::size_t>& sizes, std::size_t count) -> ise::task<> {
-        auto stream = co_await from.subscribe(pictures, ise::subscribe_options::last(100));
+        auto stream = co_await from.subscribe(pictures, ise::subscribe_options::keep_last(100));
         while (sizes.size() < count) {
             auto packet = co_await stream.next();
             if (!packet) break;
@@ -621,7 +619,7 @@ TEST_CASE("leaving in the middle of a big packet leaves the session whole") {
 TEST_CASE("dropping the stream unsubscribes, and one that waits ends with its component") {
     fixture at;
     auto got = at.read();
-    got->stream->leave();
+    got->stream->unsubscribe();
     at.settle();
     CHECK(at.fixes.subscribers() == 0);
     REQUIRE(got->end);
@@ -646,7 +644,7 @@ constexpr ise::subscription<fix, area, granted, goodbye, receipt> rented("rented
 
 template <class Stream, class Request>
 ise::task<receipt> leave_with(Stream& stream, Request request) {
-    auto answer = co_await stream.leave(std::move(request), 2s);
+    auto answer = co_await stream.unsubscribe(std::move(request), 2s);
     co_return answer;
 }
 
@@ -734,7 +732,7 @@ TEST_CASE("a subscription that ends other than by its user's wish is logged with
     CHECK(known.front().provider == "tcp://boat:7400");
     auto next = at.sit(ise::subscribe_options::lossless(4));
     CHECK(known.empty());
-    next->stream->leave();
+    next->stream->unsubscribe();
     at.settle();
     CHECK(known.empty());
     CHECK(at.shore.warnings.size() == 1);
@@ -794,7 +792,7 @@ TEST_CASE("packets that cannot be decoded are a gap before the next one") {
 
 TEST_CASE("a packet that is kept stays as it was while others come") {
     fixture at;
-    auto got = at.sit(ise::subscribe_options::last(8));
+    auto got = at.sit(ise::subscribe_options::keep_last(8));
     at.publish(1, 5);
     at.settle();
     std::vector<ise::received<fix>> kept;

@@ -49,7 +49,7 @@ struct voyage {
     static ise::task<> sail(ise::remote boat) {
         set_mode hold{"hold"};
         auto first = co_await boat.try_call(helm, hold, 2s);
-        auto stream = co_await boat.subscribe(position, ise::subscribe_options::last(2));
+        auto stream = co_await boat.subscribe(position, ise::subscribe_options::keep_last(2));
         for (int i = 0; i < 4; ++i) {
             auto packet = co_await stream.next();
             if (!packet) break;

@@ -32,7 +32,7 @@ ise::task<> read(ise::remote boat, ise::subscribe_options options, double last, 
     }
 }
 ise::task<> look(ise::remote boat, std::size_t last, std::shared_ptr<reading> into) {
-    auto stream = co_await boat.subscribe(pictures, ise::subscribe_options::latest());
+    auto stream = co_await boat.subscribe(pictures, ise::subscribe_options::keep_latest());
     while (into->sizes.empty() || into->sizes.back() < last) {
         auto packet = co_await stream.next();
         if (!packet) break;
@@ -71,7 +71,7 @@ TEST_CASE(
         auto there = shore.at(boat.listen("udp://10.0.0.1:7400"));
         out(fix{1, 0, 0});
         auto got = std::make_shared<reading>();
-        auto options = seed % 2 ? ise::subscribe_options::last(300) : ise::subscribe_options::latest();
+        auto options = seed % 2 ? ise::subscribe_options::keep_last(300) : ise::subscribe_options::keep_latest();
         options.deadline = 60s;
         auto reader = start(shore.on, read(there, options, 300, got));
         REQUIRE(sea.run_until([&] { return out.subscribers() == 1; }));
@@ -163,7 +163,7 @@ TEST_CASE("through a slow way the latest value is not held up by those before it
     };
     std::vector<sample> all;
     auto listen = [](ise::loop& on, ise::remote from, std::vector<sample>& into) -> ise::task<> {
-        auto latest = ise::subscribe_options::latest();
+        auto latest = ise::subscribe_options::keep_latest();
         latest.deadline = 60s;
         auto stream = co_await from.subscribe(position, latest);
         for (;;) {
