@@ -157,8 +157,8 @@ result<void> incoming_calls::on_request(const net::carried_frame& received) {
                                             runtime.options().max_calls_per_session)));
         return {};
     }
-    if (slot_of(id) < running_.size() && running_[slot_of(id)].of)
-        return malformed("with the number of a call that runs");
+    if (slot_of(id) < running_.size() && (running_[slot_of(id)].of || running_[slot_of(id)].held))
+        return malformed("with the number of a call that is not answered yet");
     if (over_.replies_wait()) [[unlikely]] {
         if (auto why = over_.replies_not_taken(execution::not_executed)) {
             if (auto good = over_.takes_answers(); !good) return good;
@@ -176,7 +176,8 @@ result<void> incoming_calls::on_request(const net::carried_frame& received) {
     } else if (of.now == state::refused) {
         turn_away(call, of.why);
     } else if (of.now == state::comparing) {
-        if (!of.held.hold(call, request))
+        if (of.held.hold(call, request)) place_of(id).held = true;
+        else
             turn_away(call,
                       failure(errc::overloaded,
                               fmt::format("{} requests wait for the schemas of '{}' (held_requests, session_bytes)",
@@ -222,6 +223,7 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
             of.why = std::move(*problem);
         }
         of.held.release([&](incoming_call& call, incoming_packet request) {
+            place_of(call.id).held = false;
             if (of.denied) deny(of, call);
             else if (of.now == state::ready) serve(of, call, request);
             else turn_away(call, of.why);
@@ -262,16 +264,15 @@ void incoming_calls::serve(binding& of, incoming_call& call, incoming_packet& re
                                       of.name)));
         return;
     }
-    auto slot = slot_of(call.id);
-    if (slot >= running_.size()) running_.resize(slot + 1);
-    running_[slot].begins(of, call);
+    auto& running = place_of(call.id);
+    running.begins(of, call);
     ++running_count_;
     if (call.number != 0 && seen_before(of, call)) return;
     if (of.audited) over_.note_use(service_kind::request_response, of.name);
     call.adapt = of.request.get();
     ++runtime.counts().calls_served;
     if (call_taps::any() || call.trace) [[unlikely]]
-        observe(running_[slot], call, request);
+        observe(running, call, request);
     of.service->serve(*this, call, request);
 }
 
@@ -347,10 +348,18 @@ void incoming_calls::on_cancel(std::uint64_t id) {
         return;
     }
     if (held_.packets == 0) return;
-    for (auto& of : bindings_) of->held.drop([&](const incoming_call& call) { return call.id == id; });
+    for (auto& of : bindings_)
+        of->held.drop(
+            [&](const incoming_call& call) { return call.id == id && std::exchange(place_of(id).held, false); });
 }
 
 bool incoming_calls::is_observed(const running_call& which) noexcept { return call_taps::any() || which.span != 0; }
+
+incoming_calls::running_call& incoming_calls::place_of(std::uint64_t id) {
+    const auto slot = slot_of(id);
+    if (slot >= running_.size()) running_.resize(slot + 1);
+    return running_[slot];
+}
 
 incoming_calls::running_call* incoming_calls::find(std::uint64_t id) noexcept {
     auto slot = slot_of(id);

@@ -67,6 +67,7 @@ private:
         std::uint64_t id = 0;
         std::uint64_t number = 0;
         bool elsewhere = false; // it runs for an earlier session; its answer comes here
+        bool held = false;      // it does not run yet: its service's schemas are compared
         time_point orphaned_until = time_point::max();
         std::uint64_t span = 0; // of this side; 0: none
         trace_id trace;         // where there is a span: of the caller
@@ -88,6 +89,7 @@ private:
     void deny(binding& of, const incoming_call& call);
     void consult(binding& of, bool note);
     /// Null where no such call runs.
+    running_call& place_of(std::uint64_t id);
     running_call* find(std::uint64_t id) noexcept;
     void forget(std::uint64_t id) noexcept;
     void serve(binding& of, incoming_call& call, incoming_packet& request);

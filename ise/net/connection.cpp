@@ -80,8 +80,10 @@ void connection::begin_to_take() {
     loop::turn in(on_);
     take_frames();
     if (open() && objects_) objects_->use(*this);
+    // Before `use`, which hands over what a channel has already.
+    const bool delivers = open() && transport_->deliver_to(*this);
     if (open() && datagrams_) datagrams_->use(std::shared_ptr<datagram_stream::user>(shared_from_this(), this));
-    if (open() && !transport_->deliver_to(*this)) scope()->spawn("reader of " + peer_name(), read(shared_from_this()));
+    if (open() && !delivers) scope()->spawn("reader of " + peer_name(), read(shared_from_this()));
 }
 
 void connection::on_bytes(const transfer& got) {

@@ -405,12 +405,35 @@ bool outbox::withdraw(std::uint64_t request_id) {
         return big = true;
     });
     if (big) return true;
-    return any_call([&](std::byte* frame, const frame_header& header) {
+    auto mark = [&](std::byte* frame, const frame_header& header) {
         if (header.id != request_id || header.type != frame_type::request) return false;
         mark_withdrawn(frame);
         ++withdrawn_;
         return true;
-    });
+    };
+    // The newest first: to a peer that reads nothing, what was withdrawn long ago lies before it.
+    if (any_frame(calls_.data(), calls_.size(), mark)) return true;
+    for (std::size_t i = blocks_.size(); i-- > 0;) {
+        if (!any_frame(content_of(blocks_[i]), blocks_[i].frames.size(), mark)) continue;
+        drop_if_withdrawn(i);
+        return true;
+    }
+    return false;
+}
+
+// A block of which nothing is to be written leaves no bytes that count.
+void outbox::drop_if_withdrawn(std::size_t which) {
+    if (!attachments_.empty()) return; // which lie in the order of all frames
+    std::size_t frames = 0;
+    if (any_frame(content_of(blocks_[which]), blocks_[which].frames.size(), [&](auto*, const frame_header& header) {
+            ++frames;
+            return !is_withdrawn(header);
+        }))
+        return;
+    withdrawn_ -= frames;
+    blocks_weight_ -= blocks_[which].weight;
+    std::size_t at = 0;
+    blocks_.erase_if([&](const call_block&) { return at++ == which; });
 }
 
 } // namespace ise::net

@@ -248,6 +248,7 @@ private:
     }
     template <class Visit>
     bool any_call(Visit visit);
+    void drop_if_withdrawn(std::size_t which);
     void fill_calls(batch& out);
     bool fit_to_share() const noexcept { return withdrawn_ == 0 && attachments_.empty(); }
     void put_each(std::byte* frames, std::size_t size, batch& out);

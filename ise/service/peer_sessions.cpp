@@ -14,6 +14,12 @@ namespace ise {
 peer_sessions::peer_sessions(const session_context& shared, security credentials)
     : shared_(shared), credentials_(std::move(credentials)) {}
 
+// On a loop that was abandoned they have not ended, and somebody may still hold one; their places belong to the
+// acceptor.
+peer_sessions::~peer_sessions() {
+    for (const auto& [raw, held] : all_) held->let_go();
+}
+
 wire::hello peer_sessions::greeting() const {
     const auto& options = shared_.runtime.options();
     wire::hello made;

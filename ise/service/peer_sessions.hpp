@@ -17,6 +17,7 @@ class peer_sessions {
 public:
     /// Lifetime: what `shared` names outlives it.
     peer_sessions(const session_context& shared, security credentials);
+    ~peer_sessions();
 
     /// What is shown to peers, and demanded of them.
     const security& credentials() const noexcept { return credentials_; }

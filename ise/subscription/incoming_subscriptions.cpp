@@ -69,21 +69,29 @@ result<void> incoming_subscriptions::on_subscribe(const net::carried_frame& rece
         return {};
     }
     auto fingerprints = terms->service.fingerprints;
-    auto shared = std::make_shared<wire::subscribe>(std::move(*terms));
+    auto asked = std::make_shared<wire::subscribe>(std::move(*terms));
+    by_id_.at(id).comparing = asked;
     over().schemas().need(
         std::move(fingerprints),
-        [this, id, shared](const std::vector<schema>& theirs) {
-            if (by_id_.contains(id)) admit(id, std::move(*shared), &theirs, false);
+        [this, id, asked](const std::vector<schema>& theirs) {
+            if (compares(id, asked)) admit(id, std::move(*asked), &theirs, false);
         },
-        [this, id](const failure& why) {
-            if (by_id_.contains(id)) end(id, why, 0); // else it has left
+        [this, id, asked](const failure& why) {
+            if (compares(id, asked)) end(id, why, 0);
         });
     return {};
+}
+
+// It may have left since, and its number may be another's.
+bool incoming_subscriptions::compares(std::uint64_t id, const std::shared_ptr<wire::subscribe>& asked) const {
+    const auto found = by_id_.find(id);
+    return found != by_id_.end() && found->second.comparing == asked;
 }
 
 void incoming_subscriptions::admit(std::uint64_t id, wire::subscribe terms, const std::vector<schema>* theirs,
                                    bool takes_objects) {
     auto& made = by_id_.at(id);
+    made.comparing.reset();
     auto& publication = *made.publication;
     const auto& ours = publication.types();
     std::unique_ptr<adapter> request;

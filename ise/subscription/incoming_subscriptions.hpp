@@ -35,10 +35,12 @@ public:
 private:
     struct entry {
         std::shared_ptr<publication_core> publication;
-        remote_subscriber* who = nullptr; // null while schemas are compared
+        std::shared_ptr<wire::subscribe> comparing; // while schemas are compared
+        remote_subscriber* who = nullptr;           // null as long
         std::unique_ptr<adapter> unsubscribe;
     };
     void end_each(const std::vector<std::pair<std::uint64_t, failure>>& over_now);
+    bool compares(std::uint64_t id, const std::shared_ptr<wire::subscribe>& asked) const;
     void admit(std::uint64_t id, wire::subscribe terms, const std::vector<schema>* theirs, bool takes_objects);
     const publication_directory& services_;
     std::map<std::uint64_t, entry> by_id_;

@@ -24,6 +24,8 @@ class receive_queue {
 public:
     bool empty() const noexcept { return count_ == 0; }
     std::size_t size() const noexcept { return count_; }
+    /// Of the frames; objects are their provider's, in this process.
+    std::size_t bytes() const noexcept { return content_.size() - begin_; }
 
     void push(passed_object packet, const packet_origin& from, const traced_arrival* traced = nullptr) {
         objects_.push_back(std::move(packet));

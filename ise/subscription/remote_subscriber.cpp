@@ -191,10 +191,18 @@ void remote_subscriber::vanish_now() { linger_->arm(group_.runtime().on().now())
 void remote_subscriber::forget_arrived() {
     const auto arrived = credit_ > depth_ ? credit_ - depth_ : 0;
     const auto needed = sent_ > arrived ? sent_ - arrived : 0;
-    while (!sent_packets_.empty() && sent_packets_.size() - sent_packets_.front().packets >= needed) {
-        const auto cost = sent_packets_.pop(std::numeric_limits<std::size_t>::max()).cost();
-        if (line_) line_->held_bytes() -= cost;
-    }
+    while (!sent_packets_.empty() && sent_packets_.size() - sent_packets_.front().packets >= needed) forget_sent();
+}
+
+// Beyond its bytes a session forgets what was sent first. Should it be lost before that has arrived, the subscription
+// ends, and the subscriber is told how many packets it has missed.
+void remote_subscriber::limit_sent() {
+    while (!sent_packets_.empty() && line_->held_bytes() > max_bytes_) forget_sent();
+}
+
+void remote_subscriber::forget_sent() {
+    const auto cost = sent_packets_.pop(std::numeric_limits<std::size_t>::max()).cost();
+    if (line_) line_->held_bytes() -= cost;
 }
 
 void remote_subscriber::resume_at(std::uint64_t next) {
@@ -317,7 +325,11 @@ bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
         taken += size;
         if (size > net::outbox::whole_bytes && !wire.passes_objects()) break; // goes in pieces: the rest waits for it
     }
-    if (policy_ == overflow::lossless) group_.room_made();
+    if (policy_ == overflow::lossless) {
+        forget_arrived();
+        limit_sent();
+        group_.room_made();
+    }
     return !queue_.empty() && may_send();
 }
 

@@ -86,6 +86,8 @@ private:
     send_queue::stretch pop(std::uint64_t most);
     void keep(const send_queue::stretch& sent);
     void forget_arrived();
+    void limit_sent();
+    void forget_sent();
     std::size_t held() const noexcept { return queue_.cost() + sent_packets_.cost(); }
     void put_alone(net::outbox& out);
     bool make_room(std::size_t more);

@@ -42,9 +42,9 @@ subscriber_core::subscriber_core(std::shared_ptr<subscription_owner> to, std::st
                                  subscribe_options options, bytes request)
     : on_(to->runtime().on()), owner_(std::move(to)), options_(options),
       capacity_(options.policy == overflow::keep_latest ? 1 : std::max<std::size_t>(options.depth, 1)),
-      service_(std::move(service)), types_(types), request_(std::move(request)),
-      farewell_(adapt(schema(), types.schemas[role::unsubscribe_request], {})), packet_(on_),
-      answer_(on_), held_room_{owner_->runtime().options().held_bytes()}, held_(capacity_, held_room_) {}
+      max_bytes_(owner_->runtime().options().queued_bytes()), service_(std::move(service)), types_(types),
+      request_(std::move(request)), farewell_(adapt(schema(), types.schemas[role::unsubscribe_request], {})),
+      packet_(on_), answer_(on_), held_room_{owner_->runtime().options().held_bytes()}, held_(capacity_, held_room_) {}
 
 subscriber_core::~subscriber_core() = default;
 
@@ -273,8 +273,7 @@ void subscriber_core::on_session_end(const failure& cause) {
 
 result<void> subscriber_core::on_packet(const packet_place& place, incoming_packet& packet) {
     // The rule, as in `take_run`.
-    if (place.sequence == next_sequence_ && established_ && place.skipped == 0 && !adapter_ &&
-        queue_.size() < capacity_) [[likely]] {
+    if (place.sequence == next_sequence_ && established_ && place.skipped == 0 && !adapter_ && has_room()) [[likely]] {
         ++next_sequence_;
     } else {
         auto admitted = admit(place, packet);
@@ -296,10 +295,9 @@ result<void> subscriber_core::on_packet(const packet_place& place, incoming_pack
 
 // The rule: each is the next one, and there is room for it.
 std::size_t subscriber_core::take_run(bytes_view frames) {
-    if (!established_ || adapter_ || lost_before_ != 0) return 0;
+    if (!established_ || adapter_ || lost_before_ != 0 || !has_room()) return 0;
     std::size_t size = 0, packets = 0;
-    for (auto room = capacity_ - std::min(queue_.size(), capacity_); packets < room && size < frames.size();
-         ++packets) {
+    for (const auto room = capacity_ - queue_.size(); packets < room && size < frames.size(); ++packets) {
         const auto* frame = frames.data() + size;
         const auto whole = packet_frame::size_of(frame);
         if (whole < packet_frame::head_bytes || packet_frame::sequence_of(frame) != next_sequence_) break;
@@ -348,8 +346,7 @@ result<bool> subscriber_core::admit(const packet_place& place, incoming_packet& 
                          fmt::format("{} packets of '{}' from {} were lost", lost, service_, owner_->name())));
         return false;
     }
-
-    if (queue_.size() >= capacity_) {
+    while (!has_room()) {
         if (options_.policy == overflow::disconnect || options_.policy == overflow::lossless) {
             // Lossless: the provider sent more than the credit it was given.
             end_here(failure(errc::overloaded,

@@ -187,10 +187,12 @@ protected:
     std::shared_ptr<subscription_owner> owner_;
     subscription_counts counts_;
     subscribe_options options_;
-    const std::size_t capacity_; // of the queue, in packets
-    receive_queue queue_;        // in this side's layout
+    const std::size_t capacity_;  // of the queue, in packets
+    const std::size_t max_bytes_; // of the queue, but for its last packet
+    receive_queue queue_;         // in this side's layout
 
 private:
+    bool has_room() const noexcept { return queue_.size() < capacity_ && queue_.bytes() < max_bytes_; }
     result<bool> admit(const packet_place& place, incoming_packet& packet);
     void note_received(std::size_t packets);
     void follow_trace();

@@ -36,6 +36,33 @@ TEST_CASE("hostile: a name or a list of packets that no service has ends the ses
     at.others_do_not_notice();
 }
 
+TEST_CASE("hostile: a request with the number of one that waits for its schemas ends the session") {
+    harbour at(either());
+    INFO(at.channel);
+    const bool given_up = GENERATE(false, true);
+    raw_peer peer(at.all, at.sea, at.channel);
+    peer.greet();
+    peer.introduce(0, "helm", {77, helm.types().fingerprints[1]});
+    set_mode asked{"tack"};
+    peer.request(5, 0, 1h, asked);
+    if (given_up) peer.say(frame_type::cancel, 5, ise::bytes_view());
+    const std::uint64_t next = (std::uint64_t{1} << 32) + 5; // another call in the same place
+    peer.request(next, 0, 1h, asked);
+    at.all.world.run_for(1s);
+    CHECK(peer.closed() != given_up);
+    CHECK(at.warned("not answered yet") != given_up);
+    if (given_up) {
+        ise::wire::schema_answer none;
+        none.fingerprint = 77;
+        peer.say(frame_type::schema, 0, none);
+        CHECK(at.all.run_until([&] { return peer.count(frame_type::error) == 1; }));
+        CHECK(peer.last(frame_type::error)->header.id == next);
+        peer.request(5, 0, 1h, asked); // its place is free again
+        CHECK(at.all.run_until([&] { return peer.count(frame_type::error) == 2; }));
+    }
+    at.others_do_not_notice();
+}
+
 TEST_CASE("hostile: a million pending calls: those of others go on") {
     ise::serve_options serving;
     serving.concurrent = 8;

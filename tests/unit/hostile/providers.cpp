@@ -63,7 +63,8 @@ ise::bytes frame_of(const packet& of) {
 
 // A subscriber of a provider that plays by a script, and takes nothing before the end of it.
 struct scripted_provider {
-    explicit scripted_provider(ise::subscribe_options options) {
+    explicit scripted_provider(ise::subscribe_options options, ise::service_options of_subscriber = {})
+        : shore(all.add("shore", of_subscriber)) {
         auto host = sea.make_loop("raw");
         auto ear = sea.listen(host->loop(), ise::endpoint::parse("tcp://0.0.0.0:7400").value()).value();
         std::unique_ptr<ise::stream> line;
@@ -116,7 +117,7 @@ struct scripted_provider {
     }
 
     sim_parties all;
-    party& shore = all.add("shore");
+    party& shore;
     ise::sim::process& sea = all.world.host("sea").start_process("sea");
     std::optional<raw_peer> peer;
     ise::subscriber<ise::subscription<fix>> fixes;
@@ -196,6 +197,35 @@ TEST_CASE("hostile: a provider that publishes beyond the credit of a lossless su
     const auto got = at.end();
     CHECK(got.packets == std::vector<double>{1, 2, 3, 4, 5});
     CHECK_THAT(got.cause, Contains("were not taken in time"));
+}
+
+TEST_CASE("hostile: packets that are not taken are bounded by bytes as well as by their number") {
+    ise::service_options options;
+    options.session_bytes = 1024; // so four times as much waits
+    const bool lossless = GENERATE(false, true);
+    scripted_provider at(lossless ? ise::subscribe_options::lossless(1000) : ise::subscribe_options::keep_last(1000),
+                         options);
+    const bool together = GENERATE(false, true);
+    ise::bytes stream;
+    for (std::uint64_t i = 1; i <= 300; ++i) {
+        auto frame = frame_of({i});
+        stream.insert(stream.end(), frame.begin(), frame.end());
+        if (together && i < 300) continue;
+        at.peer->say(ise::bytes_view(stream));
+        at.all.world.run_for(1ms);
+        stream.clear();
+    }
+    const auto got = at.end();
+    CHECK(got.packets.size() >= 50);
+    if (lossless) {
+        CHECK_THAT(got.cause, Contains("were not taken in time"));
+        return;
+    }
+    if (!together) CHECK(got.packets.size() <= 100);
+    CHECK(got.packets.size() + got.lost_here == 300);
+    CHECK(got.lost_before.front() == got.lost_here);
+    CHECK(got.packets.back() == 300);
+    CHECK(got.connected);
 }
 
 } // namespace providers_test

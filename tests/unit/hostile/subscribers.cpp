@@ -5,6 +5,14 @@ namespace subscribers_test {
 
 using namespace hostile_test;
 
+namespace {
+
+struct half_a_fix {
+    double latitude_deg = 0;
+};
+
+} // namespace
+
 TEST_CASE("hostile: a million subscriptions are refused beyond max_subscriptions_per_session") {
     fleet at(either());
     INFO(at.channel);
@@ -71,6 +79,76 @@ TEST_CASE("hostile: credits beyond all bounds are no more than many") {
     peer.say(frame_type::credit, 1, ise::bytes(7));
     CHECK(at.all.run_until([&] { return peer.closed(); }));
     CHECK(at.warned("credit"));
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: a lossless subscriber that reads and grants nothing is held no more than session_bytes") {
+    ise::service_options options;
+    options.session_bytes = 256 << 10;
+    fleet at("tcp", options);
+    raw_peer peer(at.all, at.sea, at.channel);
+    peer.greet();
+    auto terms = fleet::terms();
+    terms.service.service = "pictures";
+    terms.service.fingerprints = pictures.types().fingerprints;
+    terms.policy = ise::overflow::lossless;
+    SECTION("more credit than its depth: all that was sent counts as arrived") {
+        terms.depth = 1000;
+        terms.credit = ~std::uint64_t{0} - 1;
+    }
+    SECTION("as much credit as the greatest depth") { terms.credit = terms.depth = 1 << 20; }
+    peer.say(frame_type::subscribe, 1, terms);
+    at.all.world.run_for(1s);
+    REQUIRE(at.images.subscribers() == 1);
+    blob image;
+    image.content.resize(10'000);
+    std::size_t most = 0;
+    for (int i = 0; i < 500; ++i) {
+        at.images(image);
+        at.all.world.run_for(5ms);
+        if (i % 50 == 0) peer.say(frame_type::ping, 1, ise::bytes_view()); // it is heard
+        most = std::max(most, at.of_raw()->held_bytes());
+    }
+    CHECK(at.all.run_until([&] { return peer.count(frame_type::packet) == 500; }));
+    CHECK(most > 0);
+    CHECK(most <= (1 << 20) + 20'000);
+    CHECK(peer.count(frame_type::ended) == 0);
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: an answer about schemas decides over no later subscription with the same number") {
+    fleet at(either());
+    INFO(at.channel);
+    ise::wire::schema_answer answer;
+    SECTION("it knows no such schema") { answer.fingerprint = 77; }
+    SECTION("a schema that fits") {
+        const auto& other = ise::schema_of<half_a_fix>();
+        answer.fingerprint = other.fingerprint();
+        answer.text = other.text();
+    }
+    {
+        raw_peer peer(at.all, at.sea, at.channel);
+        peer.greet();
+        auto unknown = fleet::terms();
+        unknown.service.fingerprints[ise::role::published] = answer.fingerprint;
+        peer.say(frame_type::subscribe, 1, unknown);
+        peer.say(frame_type::unsubscribe, 1, ise::bytes_view());
+        peer.say(frame_type::subscribe, 1, fleet::terms());
+        at.all.world.run_for(1s);
+        REQUIRE(peer.count(frame_type::schema_request) == 1);
+        REQUIRE(peer.count(frame_type::subscribed) == 1);
+        peer.say(frame_type::schema, 0, answer);
+        at.all.world.run_for(1s);
+        CHECK(peer.count(frame_type::ended) == 0);
+        CHECK(peer.count(frame_type::subscribed) == 1);
+        at.publish(1);
+        at.all.world.run_for(1s);
+        CHECK(peer.count(frame_type::packet) == 1);
+        CHECK(at.fixes.subscribers() == 1);
+    }
+    at.all.world.run_for(2min); // longer than the linger
+    CHECK(at.fixes.subscribers() == 0);
+    at.publish(1);
     at.others_do_not_notice();
 }
 

@@ -170,6 +170,25 @@ TEST_CASE("many requests that were withdrawn do not hide one that is good") {
     CHECK(out.pending_bytes() == 0);
 }
 
+TEST_CASE("requests that were withdrawn do not pile up where nothing is written") {
+    constexpr std::uint64_t all = 20'000, at_once = 100;
+    outbox out;
+    std::size_t most = 0;
+    for (std::uint64_t id = 0; id < all; ++id) {
+        request(out, id, 40);
+        if (id >= at_once) REQUIRE(out.withdraw(id - at_once));
+        most = std::max(most, out.pending_bytes());
+    }
+    CHECK(most < 3 * 64 * 1024);
+    std::vector<std::uint64_t> left;
+    for (auto id = all - at_once; id < all; ++id) left.push_back(id);
+    CHECK(ids_of(write(out)) == left);
+    CHECK(out.empty());
+    CHECK(out.pending_bytes() == 0);
+    request(out, 1);
+    CHECK(out.calls_alone());
+}
+
 TEST_CASE("a request that was withdrawn takes along what is beside it, and each other one keeps its own") {
     outbox out;
     for (std::uint64_t id = 1; id <= 4; ++id) request_beside(out, id);

@@ -563,6 +563,29 @@ TEST_CASE("a call back over the session of a request ends with that session, als
     CHECK(at.book.modes == std::vector<std::string>{"first", "last"});
 }
 
+TEST_CASE("a handle on the session of a request may outlive a component whose loop was abandoned") {
+    ise::sim::world world(1);
+    auto add = [&](const std::string& name) {
+        auto& process = world.host(name).start_process(name);
+        return std::make_unique<party>(process, process.make_loop("main"), name);
+    };
+    auto shore = add("shore"), boat = add("boat");
+    log_book book;
+    boat->provide(helm, steering(boat->on, book));
+    boat->listen("tcp://0.0.0.0:7400");
+    auto asking = start(shore->on, try_helm(shore->at("tcp://boat:7400"), "first"));
+    REQUIRE(world.run_until([&] { return asking->done; }));
+    {
+        ise::remote back(boat->services->link_back(boat->services->sessions().begin()->second));
+        boat->on.abandon(); // its executor ended under it
+        boat.reset();
+    } // the session goes, and its places were the boat's
+    CHECK(book.modes == std::vector<std::string>{"first"});
+    shore->services->stop(100ms);
+    shore->scope.stop();
+    CHECK(world.run_until([&] { return shore->scope.size() == 0; }));
+}
+
 TEST_CASE("64 MiB in flight do not hold up a 64-byte call on the same connection") {
     fixture at;
     auto& link = at.all.world.net().between("boat", "shore");

@@ -4,6 +4,7 @@
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>
 #include <support/datagram_router.hpp>
+#include <support/raw_peer.hpp>
 #include <support/sim_parties.hpp>
 
 #include <fmt/format.h>
@@ -37,6 +38,14 @@ ise::service_options quick() {
     made.first_back_off = 20ms;
     made.max_back_off = 200ms;
     return made;
+}
+
+ise::task<> accept_all(ise::listener& at, std::unique_ptr<ise::stream>& into) {
+    for (;;) {
+        auto came = co_await at.accept();
+        if (came.first) co_return;
+        into = std::move(came.second);
+    }
 }
 
 struct outcome {
@@ -554,6 +563,50 @@ TEST_CASE("strangers cost no memory, get no more than they sent, and do not dist
     scope.stop();
     sea.run_until([&] { return scope.size() == 0; });
     socket.reset();
+}
+
+TEST_CASE("what comes with the welcome is taken with it, over datagrams as over a stream") {
+    const auto scheme = GENERATE(as<std::string>(), "tcp", "udp");
+    INFO(scheme);
+    const bool leaves = GENERATE(false, true);
+    sim_parties all;
+    auto& shore = all.add("shore");
+    all.world.net().between("shore", "sea").latency = 300ms;
+    auto host = all.world.host("sea").start_process("sea").make_loop("raw");
+    auto where = at(scheme + "://0.0.0.0:7400");
+    auto ear = where.kind->listen(host->loop(), where, ise::security()).value();
+    std::unique_ptr<ise::stream> line;
+    auto accepting = start(host->loop(), accept_all(*ear, line));
+    auto calling = start(shore.on, try_helm(shore.at(scheme + "://sea:7400"), "hold", 5s));
+    REQUIRE(all.run_until([&] { return line != nullptr; }));
+    raw_peer peer(all, std::move(host), std::move(line));
+    REQUIRE(all.run_until([&] { return peer.count(ise::wire::frame_type::hello) == 1; }));
+
+    ise::wire::welcome welcome;
+    welcome.self.incarnation = 1;
+    ise::buffer together;
+    auto put = [&](ise::wire::frame_type type, const auto& packet) {
+        ise::wire::put_frame(together, type, 0, 0, [&](ise::buffer& body) { encode(packet, body); });
+    };
+    put(ise::wire::frame_type::welcome, welcome);
+    for (int i = 0; i < 5; ++i) ise::wire::put_frame(together, ise::wire::frame_type::pong, 0, 0, [](ise::buffer&) {});
+    if (leaves)
+        put(ise::wire::frame_type::goodbye,
+            ise::wire::farewell{static_cast<std::uint8_t>(errc::overloaded), "no room"});
+    peer.say(together.view());
+    auto& sessions = shore.services->sessions();
+    REQUIRE(all.run_until([&] { return calling->done || !sessions.empty(); }));
+    if (leaves) {
+        all.world.run_for(1ms);
+        CHECK(sessions.empty());
+    } else {
+        auto made = sessions.begin()->second;
+        all.world.run_for(1ms);
+        CHECK(made->wire().counts().frames_in == 5);
+    }
+    shore.scope.stop();
+    ear->close();
+    all.run_until([&] { return accepting->done && calling->done; });
 }
 
 TEST_CASE("nobody listens there: the call fails in time and says so") {
