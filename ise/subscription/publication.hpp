@@ -12,7 +12,7 @@
 namespace ise {
 
 /// Awaited by `publication::send()`, which has published at once where there was room; else it waits for room. The
-/// publication outlives it. Converts to an `ise::task` for whoever wants one, which may outlive the publication.
+/// publication outlives it. Converts to `ise::task`, which may outlive the publication.
 class [[nodiscard]] send_packet final : public awaiter {
 public:
     /// @cond
@@ -49,8 +49,10 @@ private:
 };
 
 /// A subscription service that this component provides. Calling it publishes a packet to all subscribers by their
-/// policies, and never blocks. A value, cheap to copy; used on its component's loop. Functions of an empty one, such as
-/// a member that is not assigned yet, throw errc::invalid_argument.
+/// policies, and never blocks. A value, cheap to copy; used on its component's loop. From another thread, such as the
+/// callback of a driver: `gate->post([out, packet] { out(packet); })` with `auto gate = on().gate()` from the loop
+/// (<ise/core/loop.hpp>). Functions of an empty one, such as a member that is not assigned yet, throw
+/// errc::invalid_argument.
 template <class Contract>
 class publication {
     using packet_type = typename Contract::packet_type;

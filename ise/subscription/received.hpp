@@ -63,7 +63,7 @@ public:
     }
 
     /// When it was published, by the wall clock of the provider's host: the time of the first packet that the provider
-    /// published in the same turn of its loop. Empty if the provider is of a version that does not tell.
+    /// published in the same loop iteration. Empty if the provider's version does not send it.
     std::optional<wall_time> published_at() const noexcept {
         if (from_.published_at == detail::no_stamp) return std::nullopt;
         return from_.published_at;
