@@ -147,7 +147,7 @@ class call_directory {
 public:
     /// Null where there is none.
     virtual std::shared_ptr<call_service> find_calls(std::string_view name) const = 0;
-    /// Why there is none, for whoever called it.
+    /// The failure for the caller if there is none.
     virtual failure no_calls(std::string_view name) const = 0;
 
 protected:

@@ -24,7 +24,7 @@ class component;
 
 namespace detail {
 
-/// What the templates of `component` are made of, apart from it: a derived class does not see these names.
+/// Parts of the templates of `component`, kept apart so that a derived class does not inherit their names.
 struct component_parts {
     static service_runtime& runtime(component& of) noexcept;
     static void add(component& to, std::shared_ptr<call_service> service);
@@ -209,7 +209,7 @@ public:
     /// it, and handles fail over to the next member. The name server is notified at once.
     void serve_role(const std::string& role, std::int32_t priority = 0);
     void leave_role(const std::string& role); ///< see `serve_role`
-    /// Whether its name is granted and its lease valid, as far as this side knows. While the name server is
+    /// Whether its name is granted and its lease valid, by the knowledge of this node. While the name server is
     /// unreachable, or has no room, the name is unconfirmed: sessions continue, but another component may be granted
     /// it.
     bool name_confirmed() const;

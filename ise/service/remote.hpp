@@ -246,7 +246,7 @@ public:
 
     /// Starts a run of an action, and completes when the provider has accepted the goal: `auto run = co_await
     /// boat.start(sail_to, goal)`. Destroying the run cancels it. Throws ise::error: those of `subscribe`, and
-    /// overloaded where the provider executes as many goals as it may; `executed()` says whether it may have begun.
+    /// overloaded if the provider is at its limit of goals; `executed()` says whether it may have begun.
     /// Cancellation: terminal, cancels the run. The goal is encoded before this returns.
     template <class Goal, class Feedback, class Result>
     task<action_run<action<Goal, Feedback, Result>>> start(const action<Goal, Feedback, Result>& service,
