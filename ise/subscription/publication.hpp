@@ -88,10 +88,10 @@ public:
         core().publish_to(made(packet), wants);
     }
 
-    /// Waits until every connected lossless subscriber has room, then publishes (back-pressure). The subscription of one
-    /// that is silent for `max_silence` (1 s), or reads nothing for `max_stall` (30 s), ends. Cancellation: terminal,
-    /// the packet is not published. The packet is encoded, or copied, before this returns; if there is room, it is also
-    /// published before this returns.
+    /// Waits until every connected lossless subscriber has room, then publishes (back-pressure). The subscription of
+    /// one that is silent for `max_silence` (1 s), or reads nothing for `max_stall` (30 s), ends. Cancellation:
+    /// terminal, the packet is not published. The packet is encoded, or copied, before this returns; if there is room,
+    /// it is also published before this returns.
     send_packet send(const packet_type& packet) const { return send_made(packet); }
     /// The same by move: `co_await out.send(std::move(packet))`.
     send_packet send(packet_type&& packet) const { return send_made(std::move(packet)); }
