@@ -32,12 +32,12 @@ class shore : public ise::component {
         auto boat = co_await find("tutorial/boat");
         for (int reefs : {1, -1, 4, 3}) {
             auto limit = reefs == 3 ? 500ms : 5000ms; // two more reefs take longer
-            auto outcome = co_await boat.try_call(sails, reef{reefs}, limit);
+            auto outcome = co_await boat.try_call(sails, reefs, limit);
             if (outcome) fmt::print("{} reefs in\n", outcome->reefs);
             else fmt::print("{}, {}\n", name_of(outcome.error().code()), name_of(outcome.error().executed()));
         }
         try {
-            co_await boat.call(engine, reef{}, 2s);
+            co_await boat.call(engine, 2s);
         } catch (const ise::error& thrown) {
             fmt::print("{}, {}\n", name_of(thrown.code()), name_of(thrown.executed()));
         }

@@ -75,13 +75,15 @@ private:
     bool busy_ = false;
 };
 
-/// How a service is served.
+/// Limits of a provided service.
 struct serve_options {
-    /// Handlers at once; more wait. 1: exclusive. From 4 on, one session has three quarters at most.
+    /// Maximum number of concurrent handlers; further requests are queued. 1: exclusive. With 4 or more, one session
+    /// may occupy at most 75 %.
     std::size_t concurrent = 256;
-    /// Requests that may wait; beyond, the session that has most of them is refused as overloaded.
+    /// Maximum number of queued requests. When the queue is full, the session with the most queued requests is refused
+    /// (`overloaded`).
     std::size_t waiting = 1024;
-    std::size_t waiting_bytes = std::size_t{64} << 20; ///< of these requests together; the same
+    std::size_t waiting_bytes = std::size_t{64} << 20; ///< maximum size of all queued requests; as above
 };
 
 /// One provided request-response service; its typed part makes workers, or answers at once.
@@ -145,7 +147,7 @@ class call_directory {
 public:
     /// Null where there is none.
     virtual std::shared_ptr<call_service> find_calls(std::string_view name) const = 0;
-    /// Why there is none, for whoever called it.
+    /// The failure for the caller if there is none.
     virtual failure no_calls(std::string_view name) const = 0;
 
 protected:

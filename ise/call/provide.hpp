@@ -118,8 +118,9 @@ struct handler_result<Handler, Request> {
 
 /// Makes the service that answers requests by `handler`: a coroutine `ise::task<Response>(Request)` or a plain
 /// function `Response(Request)` (or `ise::result<Response>(Request)`), either also with a second parameter
-/// `const ise::call_context&`. The caller gets its exceptions as errors with their text: an ise::error with
-/// errc::refused unchanged, all others as errc::handler_failed. A failure that it returns keeps its code.
+/// `const ise::call_context&`. The caller receives its exceptions as errors with their text: an ise::error with
+/// errc::refused or errc::access_denied unchanged, all others as errc::handler_failed. A returned failure keeps its
+/// code.
 template <class Contract, class Handler>
 std::shared_ptr<call_service> make_call_service(service_runtime& runtime, const Contract& contract, Handler handler,
                                                 serve_options options = serve_options()) {

@@ -24,7 +24,7 @@ class component;
 
 namespace detail {
 
-/// What the templates of `component` are made of, apart from it: a derived class does not see these names.
+/// Parts of the templates of `component`, kept apart so that a derived class does not inherit their names.
 struct component_parts {
     static service_runtime& runtime(component& of) noexcept;
     static void add(component& to, std::shared_ptr<call_service> service);
@@ -102,12 +102,14 @@ struct component_parts {
 /// that it uses. Derive from it, or pass a coroutine to `node::start`.
 ///
 /// All code of a component runs on its loop; handlers and `run()` interleave only at `co_await`. When the component is
-/// stopped, its coroutines are cancelled at their next suspension (`operation_aborted` is thrown there), its sessions
-/// are closed, and its name is withdrawn. An exception that escapes from `run()` or a spawned coroutine is logged with
-/// the component's path and follows the failure policy with which the component was started.
+/// stopped, its coroutines are cancelled at their next suspension, its sessions are closed, and its name is withdrawn.
+/// A cancelled `call`, `subscribe` or `start` throws ise::error with errc::cancelled; all other waits throw
+/// std::system_error with `asio::error::operation_aborted`. `ise::is_cancellation` (<ise/core/task_scope.hpp>)
+/// recognizes both. An exception that escapes from `run()` or a spawned coroutine is logged with the component's path
+/// and follows the failure policy with which the component was started.
 ///
-/// A derived class sees these names of it, and no others but for two that end with an underscore. A member or a local
-/// variable with the same name hides it:
+/// Names that a derived class inherits, besides two private ones that end with an underscore. A member or a local
+/// variable with the same name hides one:
 /// - itself: `path`, `env`, `on`, `get_executor`, `log`, `state`, `services`, `stop`;
 /// - provided services: `provide`, `provide_exclusive`, `publish`, `publish_every`, `withdraw`, `require`,
 ///   `serve_role`, `leave_role`, `name_confirmed`, `announce_when_ready`, `ready`;
@@ -153,8 +155,9 @@ public:
     }
     /// Executes the goals of an action by `handler`, a coroutine `ise::task<Result>(Goal, ise::progress<Feedback>)`: it
     /// reports with `co_await progress(feedback)` and ends with `co_return result`. It is cancelled when its requester
-    /// cancels the run or does not come back within the linger, at the run's deadline, and when a newer goal replaces
-    /// it. Its exceptions end the run: an ise::error with errc::refused unchanged, all others as errc::handler_failed.
+    /// cancels the run or does not reconnect within the linger (30 s), at the run's deadline, and when a newer goal
+    /// replaces it. Its exceptions end the run: an ise::error with errc::refused or errc::access_denied reaches the
+    /// requester unchanged, all others as errc::handler_failed.
     template <class Goal, class Feedback, class Result, class Handler>
     void provide(const action<Goal, Feedback, Result>& service, Handler handler,
                  action_options options = action_options()) {
@@ -206,7 +209,7 @@ public:
     /// it, and handles fail over to the next member. The name server is notified at once.
     void serve_role(const std::string& role, std::int32_t priority = 0);
     void leave_role(const std::string& role); ///< see `serve_role`
-    /// Whether its name is granted and its lease valid, as far as this side knows. While the name server is
+    /// Whether its name is granted and its lease valid, by the knowledge of this node. While the name server is
     /// unreachable, or has no room, the name is unconfirmed: sessions continue, but another component may be granted
     /// it.
     bool name_confirmed() const;
@@ -238,8 +241,9 @@ public:
     remote caller(const call_context& context);
 
     /// Subscribes with a callback: calls `on_packet(const Packet&)` for every packet, in order, on the component's
-    /// loop, until the provider withdraws the service. Waits for a missing provider without a limit. A refusal, or an
-    /// exception of the callback, follows the failure policy.
+    /// loop, until the subscription ends (service withdrawn, lossless overflow, `disconnect`). The end is logged; the
+    /// callback is not called. Waits for a missing provider without a limit. A refusal, or an exception of the
+    /// callback, follows the failure policy.
     template <class Contract, class Callback>
     void listen(remote provider, const Contract& service, Callback on_packet,
                 subscribe_options options = subscribe_options()) {
@@ -256,7 +260,7 @@ public:
     task<> sleep(duration length) { return sleep_for(on(), length); }
     /// Suspends until `at`; if that has passed, other coroutines run once. Cancellation: as `sleep`.
     task<> sleep_till(time_point at) { return sleep_until(on(), at); }
-    /// The monotonic clock; constant within a turn of the loop.
+    /// The monotonic clock; constant within one loop iteration.
     time_point now() const { return on().now(); }
     /// Civil time, UTC.
     wall_time wall() const { return env().wall(); }
@@ -268,8 +272,8 @@ public:
         return detail::component_parts::offload(*this, std::move(work));
     }
 
-    /// To be called in the constructor: the component is then registered when it awaits `ready()`, and not already
-    /// when `run()` first suspends.
+    /// Call it in the constructor: the component is then registered when it awaits `ready()`, instead of when `run()`
+    /// first suspends or returns.
     void announce_when_ready() noexcept { announce_when_ready_ = true; }
     /// Completes when the component can be found by name (at once if it has no name, or there is no name server now).
     /// Cancellation: terminal, throws `operation_aborted`; the component is registered all the same.

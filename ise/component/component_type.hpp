@@ -14,13 +14,16 @@ namespace ise {
 
 /// A type of component that a program can run: its parameters, and a function that makes one from them.
 struct component_type {
+    /// The description of the type: name, parameters, services.
     type_info about;
     /// Bound to the variables that `make` uses, which it keeps alive.
     parameter_set parameters;
+    /// Makes a component from the present values of the parameters; see `makes`.
     std::function<std::unique_ptr<component>()> make;
     /// Notifies a running component of changed parameters; it throws to refuse the change.
     std::function<void(component&)> changed;
 
+    /// `path`: the default path of a component of this type; may be empty.
     component_type(std::string name, std::string description, std::string path = {}) {
         about.name = std::move(name);
         about.description = std::move(description);

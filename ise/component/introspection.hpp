@@ -92,7 +92,7 @@ struct component_info {
     std::uint64_t calls_served = 0;                           ///< since it began
     std::uint64_t packets_published = 0;                      ///< since it began
     std::uint64_t packets_dropped = 0;                        ///< by the policies of slow subscribers
-    bool confirmed = false;                                   ///< its name: the lease holds, as far as it knows
+    bool confirmed = false;                                   ///< its lease is valid, by its own knowledge
     std::map<std::string, std::int32_t> roles;                ///< that it serves, with its priority
     std::vector<ended_subscription_info> ended_subscriptions; ///< the last ones
     std::vector<wait_info> waits;                             ///< present waits of any length

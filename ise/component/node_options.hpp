@@ -55,7 +55,8 @@ class live_parameters;
 
 /// Options of one component.
 struct component_options {
-    /// Endpoints to listen on. Default: an in-process name, a local socket and a port of the loopback interface.
+    /// Endpoints to listen on. Default: an in-process name, shared memory, a local socket and a port of
+    /// the loopback interface.
     std::vector<endpoint> listen;
     /// Further endpoints to register, for a listener behind a tunnel or an address translation. With a shared key, a
     /// session that was dialled neither to one of these nor to the endpoint where it arrived is refused.

@@ -26,22 +26,25 @@ enum class parameter_kind : std::uint8_t {
     url,         ///< to which the component connects: https://host/path, tcp://host:7411; launch rules allow hosts
 };
 
+/// "text", "integer", "number", …
 std::string_view name_of(parameter_kind kind) noexcept;
 
 /// The declaration of a parameter of a component type. It is a packet too.
 struct parameter {
-    std::string name; ///< "wind-speed": lower-case letters, digits and dashes
-    parameter_kind kind = parameter_kind::text;
-    std::string description;
-    std::string unit;
-    std::string preset; ///< the default value
-    std::optional<double> minimum, maximum;
-    std::vector<std::string> choices; ///< the only allowed texts, if not empty
-    bool many = false;                ///< may be given several times
-    bool changeable = false;          ///< while the component runs
-    std::string address;              ///< for a TCP port to listen on: the parameter with the address
+    std::string name;                           ///< "wind-speed": lower-case letters, digits and dashes
+    parameter_kind kind = parameter_kind::text; ///< of its values
+    std::string description;                    ///< for `--help`
+    std::string unit;                           ///< "m/s"; empty: none
+    std::string preset;                         ///< the default value
+    std::optional<double> minimum;              ///< the lowest number allowed; empty: no limit
+    std::optional<double> maximum;              ///< the highest number allowed; empty: no limit
+    std::vector<std::string> choices;           ///< the only allowed texts, if not empty
+    bool many = false;                          ///< may be given several times
+    bool changeable = false;                    ///< while the component runs
+    std::string address;                        ///< for a TCP port to listen on: the parameter with the address
 };
 
+/// The longest value, in bytes.
 inline constexpr std::size_t max_parameter_value = 4096;
 
 /// "a number from 0 to 40 (m/s)"
@@ -66,19 +69,25 @@ public:
     /// Refines the parameter declared last: `set.add("wind-speed", speed, "of the wind").range(0, 40).unit("m/s")`.
     class declared {
     public:
+        /// Made by `parameter_set::add`.
         explicit declared(parameter& what) : what_(&what) {}
+        /// The lowest and the highest number allowed.
         declared& range(double minimum, double maximum) {
             return what_->minimum = minimum, what_->maximum = maximum, *this;
         }
+        /// The unit, for people.
         declared& unit(std::string name) { return what_->unit = std::move(name), *this; }
+        /// The only texts allowed.
         declared& one_of(std::vector<std::string> choices) { return what_->choices = std::move(choices), *this; }
-        /// Of a text or an integer.
+        /// The kind, of a text or an integer.
         declared& kind(parameter_kind kind) {
             what_->kind = kind;
             if (kind == parameter_kind::hexadecimal) what_->minimum = what_->maximum = std::nullopt;
             return *this;
         }
+        /// The description, for `--help`.
         declared& described(std::string text) { return what_->description = std::move(text), *this; }
+        /// The default value.
         declared& preset(std::string text) { return what_->preset = std::move(text), *this; }
         /// For an integer: the TCP port on which the component listens, at the address in the parameter `address`. Both
         /// together are an endpoint, which an instantiation server tries before a start.
@@ -91,10 +100,13 @@ public:
         parameter* what_; // until the next is added
     };
 
-    /// The variable's present value is the default.
+    /// Declares a parameter that is stored in `into`, whose present value is the default.
     declared add(std::string name, std::string& into, std::string description);
+    /// The same, for a parameter that may be given several times.
     declared add(std::string name, std::vector<std::string>& into, std::string description);
+    /// The same, for true or false.
     declared add(std::string name, bool& into, std::string description);
+    /// The same, for a number.
     template <class T>
     requires std::is_arithmetic_v<T> declared add(std::string name, T& into, std::string description) {
         parameter made;
@@ -166,12 +178,14 @@ public:
     result<void> change(std::string_view name, const std::string& value);
     /// Restores the variable of a parameter with a single value to the value that `values` returns.
     void assign_again(std::string_view name);
+    /// The declaration of a parameter; null if there is none of that name.
     const parameter* find(std::string_view name) const noexcept;
     /// The same; errc::invalid_argument with the nearest name, or those that there are.
     result<const parameter*> known(std::string_view name) const;
     /// The present value: one text, or any number for a parameter that may be given several times. `of` is one of
     /// all().
     std::vector<std::string> values(const parameter& of) const;
+    /// All declarations, in their order.
     const std::vector<parameter>& all() const noexcept { return declared_; }
 
 private:

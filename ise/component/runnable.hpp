@@ -27,7 +27,7 @@ constexpr std::string_view name_of(component_state state) noexcept {
     return "?";
 }
 
-/// What its runner knows of a component.
+/// The interface of a component to its runner.
 class runnable {
 public:
     runnable() = default;

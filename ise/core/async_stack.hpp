@@ -150,7 +150,7 @@ inline suspended_stack::~suspended_stack() {
 
 inline void suspended_stack::resume() { std::exchange(stack_, nullptr)->go_on(); }
 
-/// What a coroutine can ask of the task that it is part of; these never wait, and a cancelled task may ask too.
+/// Queries of a coroutine to its task. They never wait, and work in a cancelled task too.
 namespace this_task {
 
 namespace detail {

@@ -9,7 +9,7 @@ namespace ise {
 /// Owned raw bytes, such as an encoded packet.
 using bytes = std::vector<std::byte>;
 
-/// Borrowed raw bytes; whoever made the view keeps the memory alive.
+/// Borrowed raw bytes; the creator of the view keeps the memory alive.
 using bytes_view = std::span<const std::byte>;
 
 /// The bytes of a text, borrowed.

@@ -14,13 +14,14 @@
 
 namespace ise {
 
-/// The way into a loop for other threads. It may be kept for longer than the loop: then it is shut.
+/// Runs functions on a loop from other threads (`component::on().gate()`). It may outlive the loop; it is closed then.
 class loop_gate : public std::enable_shared_from_this<loop_gate> {
 public:
+    /// Made by `loop::gate`.
     explicit loop_gate(loop& owner) : loop_(&owner) {}
 
-    /// Runs `work` in a turn of the loop, soon. False, and `work` is dropped, once the loop has ended; work
-    /// that was accepted is dropped too when the loop ends before its turn comes. Thread-safe.
+    /// Runs `work` in a later iteration of the loop. Returns false and drops `work` if the loop has ended. Accepted
+    /// work is dropped if the loop ends first. Thread-safe; does not wait.
     bool post(unique_function<void()> work);
 
 private:

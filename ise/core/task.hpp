@@ -203,7 +203,7 @@ private:
 
 } // namespace detail
 
-/// An operation, such as `remote::call`, as a task, for whoever takes only these.
+/// An operation, such as `remote::call`, as a task, for functions that accept only tasks.
 template <class Operation>
 requires std::is_base_of_v<awaiter, Operation>
 auto as_task(Operation what) -> task<decltype(what.await_resume())> { co_return co_await std::move(what); }

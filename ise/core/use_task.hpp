@@ -25,6 +25,7 @@ namespace ise {
 struct use_task_t {
     constexpr use_task_t() noexcept = default;
 };
+/// See `use_task_t`.
 inline constexpr use_task_t use_task;
 
 namespace detail {
@@ -142,6 +143,7 @@ struct foreign_awaitable<asio::awaitable<T, Executor>> {
 
 } // namespace ise
 
+/// @cond
 template <class Result, class... Values>
 class asio::async_result<ise::use_task_t, Result(Values...)> {
 public:
@@ -151,3 +153,4 @@ public:
             std::move(initiation), std::move(given)...);
     }
 };
+/// @endcond

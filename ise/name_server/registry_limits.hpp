@@ -8,8 +8,8 @@
 
 namespace ise {
 
-/// What the name server holds at most. A claim that goes beyond of itself is refused by the limit's name; one for which
-/// there is no room now waits.
+/// Limits of the name server. A claim that exceeds a limit by itself is refused, with the limit's name; a claim for
+/// which there is no room now waits.
 struct registry_limits {
     std::size_t max_components = 100'000; ///< registered at once
     /// Under one lease, so that no other is kept out by mistake; also lost ones, until it knows.
@@ -31,10 +31,10 @@ struct registry_limits {
 /// No clock gives such an epoch, or a higher one: in microseconds the year 2255.
 inline constexpr std::uint64_t highest_epoch = std::uint64_t{1} << 53;
 
-/// What a claim takes at most: its texts wherever they are kept, and the entries around them.
+/// The maximum memory of a claim: all copies of its texts, and the entries around them.
 std::size_t memory_of(const naming::component_claim& claim);
 
-/// Why a claim cannot be taken, whatever is registered; nothing if it can.
+/// Why a claim can never be accepted; empty if it can.
 std::optional<std::string> objection_to(const naming::node_identity& who, const registry_limits& limits);
 /// The same for one component.
 std::optional<std::string> objection_to(const naming::component_claim& claim, const registry_limits& limits);

@@ -30,7 +30,7 @@ inline constexpr std::string_view server_path = "ise/name_server";
 
 /// A node's process, and the key of its lease.
 struct node_identity {
-    std::uint64_t lease_key = 0; ///< random; whoever knows it may renew and withdraw. Told to nobody else
+    std::uint64_t lease_key = 0; ///< random and secret: its knowledge permits renewing and withdrawing
     std::string name;            ///< for people
     /// For people.
     std::string host_name;
@@ -38,7 +38,7 @@ struct node_identity {
     std::string process_key; ///< equal within one process and life
     /// On its host.
     std::uint64_t process_id = 0;
-    /// Of a process that an instantiation server started, as `ended_request` has it; told to nobody else.
+    /// Of a process that an instantiation server started, as in `ended_request`; secret.
     std::string launch_mark;
 };
 
@@ -75,22 +75,22 @@ struct component_claim {
 
 /// Claims names, or reports changes of claims; renews the node's lease too.
 struct register_request {
-    node_identity node;                      ///< who claims
+    node_identity node;                      ///< the claimant
     duration lease{};                        ///< wanted
     std::vector<component_claim> components; ///< new ones, and those of which something has changed
     std::vector<schema_text> schemas;        ///< of the packets that the services name
 };
 
-/// What becomes of a claim.
+/// The decision on a claim.
 enum class verdict : std::uint8_t {
-    granted,    ///< the path is the claimant's, under the epoch that is told
+    granted,    ///< the claimant holds the path, under the epoch of the answer
     taken,      ///< another holds it
     superseded, ///< another was granted it later than the claimant
     wait,    ///< not now: the server has restarted and waits for those who held names before, or has no room; ask again
     refused, ///< no such claim can be granted, whatever is registered: the reason says why
 };
 
-/// Who has a path.
+/// The holder of a path.
 struct holder {
     /// Granted.
     std::uint64_t epoch = 0;
@@ -114,7 +114,7 @@ struct grant {
     std::string reason;              ///< where it was not granted
     std::vector<holder> held_by;     ///< taken, superseded: one
     duration retry_after{};          ///< wait
-    std::uint64_t proof = 0; ///< granted: shows to the server, also after its restart, that it was; told to nobody else
+    std::uint64_t proof = 0;         ///< granted: proves the grant to the server, also after its restart; secret
 };
 
 /// The answer to `register_request`.
@@ -123,7 +123,7 @@ struct register_response {
     std::uint64_t server_incarnation = 0;
     duration lease{};          ///< granted; at most what was wanted. 0: none, as every claim was denied
     std::vector<grant> grants; ///< in the order of the claims
-    /// Of the lease in this life of the server: another one knows nothing of what was told under the last.
+    /// Of the lease in this life of the server. A new number: the server has lost what was reported before.
     std::uint64_t lease_number = 0;
 };
 
@@ -140,7 +140,7 @@ struct renew_response {
     std::uint64_t server_incarnation = 0;
     /// Granted, from now on.
     duration lease{};
-    std::vector<grant> lost;        ///< names that went to others; told until they are withdrawn
+    std::vector<grant> lost;        ///< names granted to others; repeated until they are withdrawn
     std::uint64_t lease_number = 0; ///< as in register_response
 };
 
@@ -210,7 +210,7 @@ struct role_request {
     std::string role; ///< its path
 };
 
-/// Who serves a role now: all of them, best first.
+/// The present members of a role, best first.
 struct role_members {
     std::string role;                 ///< its path
     std::vector<role_member> members; ///< best first
@@ -221,13 +221,13 @@ struct await_request {
     /// Exactly.
     std::string path;
     duration wait{};              ///< for somebody to hold it, at most `max_wait`
-    std::uint64_t other_than = 0; ///< an incarnation that does not count: who asks knows that it is gone
+    std::uint64_t other_than = 0; ///< an incarnation to ignore: the caller knows that it is gone
 };
 
 /// The answer to `await_request`.
 struct await_response {
     std::optional<resolve_response> found; ///< nothing: nobody held it within the wait
-    bool certain = true; ///< false: the server has just restarted, and may not know yet who holds the name
+    bool certain = true;                   ///< false: the server has just restarted, and may not know the holder yet
 };
 
 /// A name as lists and watchers see it.
@@ -273,7 +273,7 @@ struct describe_response {
     listed_name name;
     /// Provided and required.
     std::vector<service_entry> services;
-    std::vector<schema_text> schemas; ///< those that `services` name, as far as they were told
+    std::vector<schema_text> schemas; ///< those that `services` name, if they were reported
     /// Of its node; 0: another name server keeps it.
     duration lease{};
     duration lease_age{}; ///< since it was last renewed
@@ -297,7 +297,7 @@ struct lost_response {
     std::vector<lost_name> names; ///< by path; at most as many as the server gives at once
 };
 
-/// Asks to be told of changes.
+/// Subscribes to changes of names.
 struct watch_request {
     std::string prefix; ///< as in list_request
 };
@@ -313,7 +313,7 @@ struct name_event {
 };
 
 /// What has changed under a watched prefix. The first packet is a snapshot, and so is the first after the server was
-/// restarted: whatever was known before is replaced by it. Who loses a packet (`lost_before()`) subscribes anew.
+/// restarted: it replaces all earlier knowledge. A subscriber that loses a packet (`lost_before()`) subscribes anew.
 struct name_events {
     bool snapshot = false;          ///< the events are all names that there are
     std::vector<name_event> events; ///< in order

@@ -33,7 +33,7 @@ struct action_goal {
     std::uint64_t life = 0; ///< the incarnation of the provider to which it was sent first; 0: it was not sent before
     bool known = false;     ///< the provider has accepted it: it must not begin again
     duration time{};        ///< for the whole run; 0: no limit
-    Goal goal{};
+    Goal goal{};            ///< the user's goal
 };
 
 /// The answer to it.
@@ -45,30 +45,30 @@ struct action_accepted {
 struct run_failure {
     std::uint8_t code = 0;      ///< ise::errc
     std::uint8_t execution = 0; ///< ise::execution
-    std::string reason;
+    std::string reason;         ///< the message, for people
 };
 
 /// The published packet of an action, for the subscriber of one run: progress, and last its outcome.
 template <class Feedback, class Result>
 struct action_update {
-    std::variant<Feedback, Result, run_failure> what;
+    std::variant<Feedback, Result, run_failure> what; ///< feedback, or the outcome
 };
 
 /// A service that executes goals, each for a while: it reports progress, ends with a result or a failure, and can be
 /// cancelled. Declared once, in a header that both sides include:
 /// `inline constexpr ise::action<waypoint, progress_made, arrival> sail_to{"sail_to"};`
 /// On the wire it is a subscription: the goal is the subscribe packet, the outcome the last published one, and
-/// unsubscribing cancels it. docs/actions.md says when to use which.
+/// unsubscribing cancels it. See docs/actions.md.
 template <class Goal, class Feedback, class Result>
 class action {
 public:
-    /// What is to be done.
+    /// The goal.
     using goal_type = Goal;
-    /// A report of progress.
+    /// The feedback: progress of a run.
     using feedback_type = Feedback;
-    /// What a run ends with.
+    /// The result of a successful run.
     using result_type = Result;
-    /// The subscription that it is.
+    /// The subscription service that carries it.
     using service_type = subscription<action_update<Feedback, Result>, action_goal<Goal>, action_accepted>;
 
     /// `name` must be a string literal; it is not copied.
@@ -85,33 +85,35 @@ private:
     std::string_view name_;
 };
 
-/// What a requester allows for a run.
+/// The limits of one run, set by its requester.
 struct run_options {
-    duration deadline{};     ///< for the whole run, at either end; zero: no limit
-    duration idle{};         ///< the longest time without a report or the outcome; zero: no limit
-    duration accept{};       ///< for the first answer; zero: the component's default
-    std::uint32_t depth = 8; ///< reports that wait to be taken; beyond, the oldest is dropped, never the outcome
+    duration deadline{};     ///< for the whole run, on both sides; zero: no limit
+    duration idle{};         ///< maximum time without feedback or the outcome; zero: no limit
+    duration accept{};       ///< for the provider's acceptance; zero: the component's default deadline
+    std::uint32_t depth = 8; ///< maximum unread feedback; beyond, the oldest is dropped, never the outcome
 
     run_options() = default;
 };
 
-/// What a goal meets that comes while as many runs as may be are executed.
+/// What happens to a new goal when `concurrent` goals are already running.
 enum class when_busy : std::uint8_t {
-    refuse,  ///< it is refused: errc::overloaded
-    queue,   ///< it waits for its turn
-    replace, ///< the oldest run is cancelled, and it begins when that has ended; of several that wait, the newest
+    refuse, ///< Refuses it: errc::overloaded.
+    queue,  ///< Queues it.
+    /// Cancels the oldest running goal; the new one starts when its handler has ended. Only the newest waiting goal is
+    /// kept.
+    replace,
 };
 
 /// How an action is provided.
 struct action_options {
-    std::size_t concurrent = 16;        ///< runs that are executed at once
-    when_busy busy = when_busy::refuse; ///< the next goal
-    std::size_t waiting = 64;           ///< goals in the queue; beyond, errc::overloaded
+    std::size_t concurrent = 16;        ///< maximum number of running goals
+    when_busy busy = when_busy::refuse; ///< for a new goal beyond `concurrent`
+    std::size_t waiting = 64;           ///< maximum number of queued goals; beyond: errc::overloaded
 
     action_options() = default;
-    /// One run at a time; a new goal takes its place.
+    /// One run at a time; a new goal replaces it.
     static action_options replacing();
-    /// One run at a time; new goals wait.
+    /// One run at a time; new goals are queued.
     static action_options queueing();
     /// One run at a time; new goals are refused.
     static action_options exclusive();
@@ -119,11 +121,13 @@ struct action_options {
 
 /// The parts of an action whose packets are known at run time only.
 struct action_schemas {
-    schema goal, feedback, result;
+    schema goal;     ///< of the goal
+    schema feedback; ///< of the feedback
+    schema result;   ///< of the result
 };
-/// Whether a service is an action: as its packets are called and look.
+/// Whether the packet types are those of an action (by name and structure).
 bool is_action(const packet_types& types) noexcept;
-/// Only where it is one.
+/// The schemas of goal, feedback and result. Requires `is_action(types)`.
 action_schemas schemas_of_action(const packet_types& types);
 
 } // namespace ise

@@ -54,8 +54,8 @@ private:
 
 /// A run that this component requested. Move-only; used on its component's loop by one coroutine at a time. Destroying
 /// it before the run is over cancels the run: the provider's handler is cancelled at its next suspension. It survives
-/// lost sessions; a provider that is out of reach for longer than the linger (30 s), or was restarted, ends it with
-/// errc::peer_lost, unknown. Functions of an empty one throw errc::invalid_argument.
+/// lost sessions. If the provider is unreachable for longer than the linger (30 s), or was restarted, the run ends with
+/// errc::peer_lost (unknown). Functions of an empty one throw errc::invalid_argument.
 template <class Action>
 class action_run {
     using feedback_type = typename Action::feedback_type;
@@ -78,10 +78,10 @@ public:
 
     /// Whether it is a run, live or over.
     explicit operator bool() const noexcept { return core_ != nullptr; }
-    /// Waits for the next report of progress; empty when the run is over. Throws errc::malformed for one that is not
-    /// readable. Cancellation: terminal; the run goes on as long as this object is held.
+    /// Waits for the next feedback; empty when the run is over. Throws errc::malformed if it cannot be decoded.
+    /// Cancellation: terminal; the run continues as long as this object exists.
     task<std::optional<feedback_type>> next() { return decoded_next(held()); }
-    /// Waits for the end of the run, and returns its result; reports that were not taken are dropped. Throws
+    /// Waits for the end of the run, and returns its result; unread feedback is dropped. Throws
     /// ise::error: the handler's failure (refused, handler_failed), cancelled (by the provider, such as replaced by a
     /// newer goal), timed_out (deadline, idle), peer_lost (unknown). Cancellation: terminal; the run goes on.
     task<result_type> result() { return decoded_result(held()); }
@@ -92,7 +92,7 @@ public:
     void cancel() { held()->cancel(); }
     /// Whether the outcome is known.
     bool done() const { return held()->done(); }
-    /// How many goals the provider executes before it, as it said when it accepted this one.
+    /// Number of goals ahead in the provider's queue when it accepted this one.
     std::uint32_t queue_position() const { return held()->queue_position(); }
     /// Whether the provider is connected now.
     bool connected() const { return held()->connected(); }

@@ -27,8 +27,8 @@ namespace detail {
 bool is_here(const peer_channel& to);
 /// The failure where it is not.
 failure misplaced(const peer_channel& to, service_key service);
-/// Everything of a call that needs no types, on the component's thread: opens the record, fits deadline and trace to
-/// the context that the executor of whoever waits carries, and sends. `where`: of the `co_await`, for people.
+/// Everything of a call that needs no types, on the component's thread: opens the record, applies the deadline
+/// and trace of the awaiting coroutine's call context, and sends. `where`: the place of the `co_await`, for messages.
 void start_call(peer_channel& to, service_key service, duration deadline, const asio::any_io_executor& waiting,
                 call_waiter& waiter, outgoing_packet request,
                 const std::source_location& where = std::source_location());
@@ -107,7 +107,7 @@ inline constexpr bool is_result<result<T>> = true;
 } // namespace detail
 
 /// A call, which begins when it is awaited. `Outcome` is what `co_await` returns: the response, or an ise::result of
-/// it. Converts to an `ise::task` for whoever wants one.
+/// it. Converts to `ise::task`.
 template <class Contract, class Outcome>
 class [[nodiscard]] call_operation final : public awaiter, private call_waiter {
     using request_type = typename Contract::request_type;
@@ -246,7 +246,7 @@ public:
 
     /// Starts a run of an action, and completes when the provider has accepted the goal: `auto run = co_await
     /// boat.start(sail_to, goal)`. Destroying the run cancels it. Throws ise::error: those of `subscribe`, and
-    /// overloaded where the provider executes as many goals as it may; `executed()` says whether it may have begun.
+    /// overloaded if the provider is at its limit of goals; `executed()` says whether it may have begun.
     /// Cancellation: terminal, cancels the run. The goal is encoded before this returns.
     template <class Goal, class Feedback, class Result>
     task<action_run<action<Goal, Feedback, Result>>> start(const action<Goal, Feedback, Result>& service,

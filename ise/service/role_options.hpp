@@ -3,15 +3,17 @@
 
 namespace ise {
 
-/// How a handle to a role chooses among its members. A handle to a name ignores it.
+/// How a handle to a role selects a member. Ignored by a handle to a name.
 struct role_options {
-    /// Whether the handle returns to a better member. False: it stays with the present one until that is lost.
+    /// Whether the handle returns to a member with a higher priority. False: it keeps its member until that is lost.
     bool failback = true;
-    /// How long the better member must have been available, so that the handle does not follow an unstable one.
+    /// How long that member must have been available before the handle returns. This avoids flapping.
     duration failback_delay = std::chrono::seconds(5);
 
     role_options() = default;
+    /// Keeps a member until it is lost.
     static role_options no_failback() noexcept;
+    /// Returns after this time.
     static role_options failback_after(duration failback_delay) noexcept;
 };
 

@@ -38,7 +38,7 @@ public:
     /// Whether it is plugged in.
     bool present() const noexcept { return present_; }
 
-    /// What the far end talks at; bytes are garbled while the device is opened at another rate. 0: at any.
+    /// Baud rate of the far end; bytes are garbled while the device is opened at another rate. 0: any.
     unsigned far_end_baud = 0;
 
     /// @cond

@@ -12,7 +12,7 @@
 namespace ise {
 
 /// Awaited by `publication::send()`, which has published at once where there was room; else it waits for room. The
-/// publication outlives it. Converts to an `ise::task` for whoever wants one, which may outlive the publication.
+/// publication outlives it. Converts to `ise::task`, which may outlive the publication.
 class [[nodiscard]] send_packet final : public awaiter {
 public:
     /// @cond
@@ -49,8 +49,10 @@ private:
 };
 
 /// A subscription service that this component provides. Calling it publishes a packet to all subscribers by their
-/// policies, and never blocks. A value, cheap to copy; used on its component's loop. Functions of an empty one, such as
-/// a member that is not assigned yet, throw errc::invalid_argument.
+/// policies, and never blocks. A value, cheap to copy; used on its component's loop. From another thread, such as the
+/// callback of a driver: `gate->post([out, packet] { out(packet); })` with `auto gate = on().gate()` from the loop
+/// (<ise/core/loop.hpp>). Functions of an empty one, such as a member that is not assigned yet, throw
+/// errc::invalid_argument.
 template <class Contract>
 class publication {
     using packet_type = typename Contract::packet_type;
@@ -86,9 +88,10 @@ public:
         core().publish_to(made(packet), wants);
     }
 
-    /// Waits until every connected lossless subscriber has room, then publishes. The subscription of one that is silent
-    /// for `max_silence`, or takes nothing for `max_stall`, ends. Cancellation: terminal, the packet is not published.
-    /// The packet is encoded, or copied, before this returns; where there is room, it is published before this returns.
+    /// Waits until every connected lossless subscriber has room, then publishes (back-pressure). The subscription of
+    /// one that is silent for `max_silence` (1 s), or reads nothing for `max_stall` (30 s), ends. Cancellation:
+    /// terminal, the packet is not published. The packet is encoded, or copied, before this returns; if there is room,
+    /// it is also published before this returns.
     send_packet send(const packet_type& packet) const { return send_made(packet); }
     /// The same by move: `co_await out.send(std::move(packet))`.
     send_packet send(packet_type&& packet) const { return send_made(std::move(packet)); }

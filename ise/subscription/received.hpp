@@ -14,12 +14,12 @@ namespace detail {
 // The length of a gap that nobody knows: the provider restarted, or did not know the subscriber any more.
 inline constexpr std::uint64_t unknown_gap = ~std::uint64_t{0};
 
-// Of a packet whose provider does not tell when it published it.
+// Of a packet without a time of publication.
 inline constexpr wall_time no_stamp = wall_time::min();
 
 } // namespace detail
 
-/// What a subscriber learns of a packet beside its content.
+/// Metadata of a received packet.
 struct packet_origin {
     std::uint64_t lost_before = 0;             ///< or `detail::unknown_gap`
     wall_time published_at = detail::no_stamp; ///< or `detail::no_stamp`
@@ -63,7 +63,7 @@ public:
     }
 
     /// When it was published, by the wall clock of the provider's host: the time of the first packet that the provider
-    /// published in the same turn of its loop. Empty if the provider is of a version that does not tell.
+    /// published in the same loop iteration. Empty if the provider's version does not send it.
     std::optional<wall_time> published_at() const noexcept {
         if (from_.published_at == detail::no_stamp) return std::nullopt;
         return from_.published_at;

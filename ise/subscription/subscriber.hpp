@@ -12,8 +12,8 @@ namespace ise {
 template <class Contract>
 class subscriber;
 
-/// What `subscriber::next()` awaits; the subscriber outlives it, or is destroyed while it waits. Converts to an
-/// `ise::task` for whoever wants one.
+/// What `subscriber::next()` awaits; the subscriber outlives it, or is destroyed while it waits. Converts to
+/// `ise::task`.
 template <class Contract>
 class [[nodiscard]] next_packet final : public awaiter {
     using core = typename subscriber<Contract>::core;

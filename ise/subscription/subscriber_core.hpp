@@ -70,23 +70,23 @@ protected:
     ~subscription_owner() = default;
 };
 
-/// What becomes of packets that a subscriber does not take in time: `keep_latest`, `keep_last`, `lossless`,
+/// The policy for packets that a subscriber does not read in time: `keep_latest`, `keep_last`, `lossless`,
 /// `disconnect`.
 using overflow = wire::overflow;
 
-/// What a subscriber asks for.
+/// Options of a subscription.
 struct subscribe_options {
-    /// What happens to packets that the subscriber does not take in time, at either end: only the latest is kept, the
-    /// last `depth` are kept, none is lost (the provider holds back, and ends the subscription beyond `depth`), or the
-    /// subscription ends at the first that would be lost.
+    /// The policy for packets that the subscriber does not read in time, on both sides: keep the latest, keep the last
+    /// `depth`, lossless (the provider keeps up to `depth` packets, and ends the subscription beyond), or end the
+    /// subscription at the first packet that would be lost.
     overflow policy = overflow::keep_last;
     std::uint32_t depth = 64; ///< in packets
-    duration min_interval{};  ///< rate limit; packets between are skipped, which is no loss
-    bool last_value = true;   ///< the last packet published before comes first
+    duration min_interval{};  ///< rate limit; packets in between are skipped, not lost
+    bool last_value = true;   ///< the last packet published before is delivered first
     duration deadline{};      ///< for the first answer; zero: the component's default
 
     subscribe_options() = default;
-    /// Of a state: only the newest packet counts.
+    /// Keeps the newest packet only: for states.
     static subscribe_options keep_latest();
     /// The newest `depth` packets.
     static subscribe_options keep_last(std::uint32_t depth);
@@ -105,7 +105,7 @@ constexpr std::uint64_t gap_of(std::uint64_t first, std::uint64_t then) noexcept
 
 } // namespace detail
 
-/// What became of the packets of a subscription; every drop has its reason.
+/// Counts of the packets of a subscription, with the reason of each drop.
 struct subscription_counts {
     std::uint64_t received = 0;         ///< packets that came
     std::uint64_t lost_at_provider = 0; ///< dropped there by the policy, on the way, or while the link was down

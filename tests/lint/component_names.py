@@ -59,8 +59,8 @@ def main():
     root = Path(sys.argv[1])
     header = root / "ise/component/component.hpp"
     has = members(read(header).tokens, "component")
-    comment = re.search(r"/// A derived class sees.*?(?=class component )", header.read_text(), re.S)
-    table = re.search(r"A class derived from `ise::component` sees.*?\n\n(\|.*?)\n\n", (root / "docs/concepts.md").read_text(), re.S)
+    comment = re.search(r"/// Names that a derived class inherits.*?(?=class component )", header.read_text(), re.S)
+    table = re.search(r"A class derived from `ise::component` inherits these names.*?\n\n(\|.*?)\n\n", (root / "docs/concepts.md").read_text(), re.S)
     found = []
     for place, text in (("the comment of ise::component", comment and comment[0]), ("docs/concepts.md", table and table[1])):
         found += [f"{place} does not list {name}" for name in sorted(has - listed(text or ""))]
