@@ -110,7 +110,6 @@ TEST_CASE("hostile: a lossless subscriber that reads and grants nothing is held 
         most = std::max(most, at.of_raw()->held_bytes());
     }
     CHECK(at.all.run_until([&] { return peer.count(frame_type::packet) == 500; }));
-    CHECK(most > 0);
     CHECK(most <= (1 << 20) + 20'000);
     CHECK(peer.count(frame_type::ended) == 0);
     at.others_do_not_notice();
