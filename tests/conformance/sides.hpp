@@ -77,9 +77,9 @@ public:
     const ise::subscription_counts& counts() const { return dynamic_ ? dynamic_->counts() : typed_.counts(); }
     bool ended() const { return dynamic_ ? dynamic_->ended() : typed_.ended(); }
     const ise::failure& cause() const { return dynamic_ ? dynamic_->cause() : typed_.cause(); }
-    ise::task<parting> leave(farewell last, ise::duration deadline) {
+    ise::task<parting> unsubscribe(farewell last, ise::duration deadline) {
         if (!dynamic_) return typed_.unsubscribe(std::move(last), deadline);
-        return leave_typed(*dynamic_, ise::to_dynamic(last), deadline);
+        return unsubscribe_typed(*dynamic_, ise::to_dynamic(last), deadline);
     }
 
 private:
@@ -87,7 +87,7 @@ private:
         auto came = co_await from.next();
         co_return typed<packet>(came);
     }
-    static ise::task<parting> leave_typed(ise::dynamic_stream& from, ise::dynamic_packet last, ise::duration deadline) {
+    static ise::task<parting> unsubscribe_typed(ise::dynamic_stream& from, ise::dynamic_packet last, ise::duration deadline) {
         auto answer = co_await from.unsubscribe(std::move(last), deadline);
         co_return answer.value().template as<parting>();
     }
