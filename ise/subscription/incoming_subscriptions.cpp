@@ -68,24 +68,36 @@ result<void> incoming_subscriptions::on_subscribe(const net::carried_frame& rece
               over().wire().passes_objects() && (received.header.flags & wire::flag::objects));
         return {};
     }
+    const auto size = received.body.size();
+    if (asked_bytes_.used + size > asked_bytes_.most) {
+        failure why(errc::overloaded,
+                    fmt::format("{} bytes of subscribe requests of one session wait for schemas (session_bytes)",
+                                asked_bytes_.used + size));
+        runtime.tell(peer_trouble::excess, why.message(), over().caller_name());
+        end(id, why, 0);
+        return {};
+    }
     auto fingerprints = terms->service.fingerprints;
-    auto asked = std::make_shared<wire::subscribe>(std::move(*terms));
-    by_id_.at(id).comparing = asked;
+    auto held = std::make_shared<asked>(std::move(*terms), size, asked_bytes_);
+    by_id_.at(id).comparing = held;
+    // Weak: a request that has left is not held until the peer answers about its schemas.
     over().schemas().need(
         std::move(fingerprints),
-        [this, id, asked](const std::vector<schema>& theirs) {
-            if (compares(id, asked)) admit(id, std::move(*asked), &theirs, false);
+        [this, id, which = std::weak_ptr(held)](const std::vector<schema>& theirs) {
+            if (auto one = compared(id, which)) admit(id, std::move(one->terms), &theirs, false);
         },
-        [this, id, asked](const failure& why) {
-            if (compares(id, asked)) end(id, why, 0);
+        [this, id, which = std::weak_ptr(held)](const failure& why) {
+            if (compared(id, which)) end(id, why, 0);
         });
     return {};
 }
 
 // It may have left since, and its number may be another's.
-bool incoming_subscriptions::compares(std::uint64_t id, const std::shared_ptr<wire::subscribe>& asked) const {
+std::shared_ptr<incoming_subscriptions::asked> incoming_subscriptions::compared(
+    std::uint64_t id, const std::weak_ptr<asked>& which) const {
     const auto found = by_id_.find(id);
-    return found != by_id_.end() && found->second.comparing == asked;
+    auto one = which.lock();
+    return found != by_id_.end() && found->second.comparing == one ? one : nullptr;
 }
 
 void incoming_subscriptions::admit(std::uint64_t id, wire::subscribe terms, const std::vector<schema>* theirs,

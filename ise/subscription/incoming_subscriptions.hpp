@@ -1,5 +1,6 @@
 #pragma once
 #include <ise/core/result.hpp>
+#include <ise/session/held_packets.hpp>
 #include <ise/subscription/publication_core.hpp>
 #include <ise/subscription/remote_subscriber.hpp>
 
@@ -15,7 +16,7 @@ namespace ise {
 class incoming_subscriptions final : public subscriber_line {
 public:
     incoming_subscriptions(conversation& over, const publication_directory& services)
-        : subscriber_line(over), services_(services) {}
+        : subscriber_line(over), services_(services), asked_bytes_{over.runtime().options().held_bytes()} {}
     ~incoming_subscriptions();
     incoming_subscriptions(const incoming_subscriptions&) = delete;
     incoming_subscriptions& operator=(const incoming_subscriptions&) = delete;
@@ -33,16 +34,32 @@ public:
     std::size_t size() const noexcept { return by_id_.size(); }
 
 private:
+    // A request to subscribe whose schemas are being compared: it takes of the session's bytes as long as it is held.
+    struct asked {
+        asked(wire::subscribe what, std::size_t size, held_budget& of)
+            : terms(std::move(what)), bytes(size), budget(of) {
+            budget.used += bytes;
+        }
+        asked(const asked&) = delete;
+        asked& operator=(const asked&) = delete;
+        ~asked() { budget.used -= bytes; }
+
+        wire::subscribe terms;
+        const std::size_t bytes;
+        held_budget& budget;
+    };
     struct entry {
         std::shared_ptr<publication_core> publication;
-        std::shared_ptr<wire::subscribe> comparing; // while schemas are compared
-        remote_subscriber* who = nullptr;           // null as long
+        std::shared_ptr<asked> comparing; // while schemas are compared
+        remote_subscriber* who = nullptr; // null as long
         std::unique_ptr<adapter> unsubscribe;
     };
     void end_each(const std::vector<std::pair<std::uint64_t, failure>>& over_now);
-    bool compares(std::uint64_t id, const std::shared_ptr<wire::subscribe>& asked) const;
+    /// Null where it has left meanwhile.
+    std::shared_ptr<asked> compared(std::uint64_t id, const std::weak_ptr<asked>& which) const;
     void admit(std::uint64_t id, wire::subscribe terms, const std::vector<schema>* theirs, bool takes_objects);
     const publication_directory& services_;
+    held_budget asked_bytes_; // of all whose schemas are being compared
     std::map<std::uint64_t, entry> by_id_;
 };
 

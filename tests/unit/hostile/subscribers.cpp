@@ -151,6 +151,49 @@ TEST_CASE("hostile: an answer about schemas decides over no later subscription w
     at.others_do_not_notice();
 }
 
+TEST_CASE("hostile: subscribe requests whose schemas are asked for are held no more than a quarter of session_bytes") {
+    ise::service_options options;
+    options.session_bytes = 1 << 20;
+    fleet at(either(), options);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
+    peer.greet();
+    auto terms = fleet::terms();
+    terms.request.assign(50'000, 7);
+    auto subscribe = [&](std::uint64_t first, std::uint64_t last) {
+        for (auto id = first; id <= last; ++id) {
+            terms.service.fingerprints[ise::role::published] = 1000 + id; // the boat asks for it
+            peer.say(frame_type::subscribe, id, terms);
+            peer.say(frame_type::ping, 1, ise::bytes_view()); // it is heard
+            peer.finish();
+            at.all.world.run_for(200ms);
+        }
+    };
+    auto does_not_know = [&](std::uint64_t id) {
+        ise::wire::schema_answer answer;
+        answer.fingerprint = 1000 + id;
+        peer.say(frame_type::schema, 0, answer);
+        peer.finish();
+        at.all.world.run_for(200ms);
+    };
+    subscribe(1, 20);
+    CHECK(peer.count(frame_type::ended) == 15);
+    auto why = peer.why(frame_type::ended);
+    CHECK(why.code() == errc::overloaded);
+    CHECK_THAT(why.message(), Contains("session_bytes"));
+    CHECK(at.warned("session_bytes"));
+    // There is room again for as many as leave, or are refused.
+    for (std::uint64_t id = 1; id <= 4; ++id) peer.say(frame_type::unsubscribe, id, ise::bytes_view());
+    does_not_know(5);
+    CHECK(peer.count(frame_type::ended) == 16);
+    subscribe(101, 105);
+    CHECK(peer.count(frame_type::ended) == 16);
+    subscribe(106, 106);
+    CHECK(peer.count(frame_type::ended) == 17);
+    CHECK_FALSE(peer.closed());
+    at.others_do_not_notice();
+}
+
 TEST_CASE("hostile: over udp nobody subscribes without loss, and credits for other subscriptions mean nothing") {
     fleet at("udp");
     raw_peer peer(at.all, at.sea, at.channel);
