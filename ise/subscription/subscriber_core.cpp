@@ -365,6 +365,7 @@ result<bool> subscriber_core::admit(const packet_place& place, incoming_packet& 
     } catch (const error& unreadable) {
         count_undecodable(unreadable);
         lost_before_ = gap_of(lost_before_, 1);
+        let_another_come();
         return false;
     }
 }
@@ -392,14 +393,18 @@ packet_origin subscriber_core::take_packet() {
         follow_trace();
     auto from = queue_.pop();
     from.lost_before = gap_of(std::exchange(gap_, 0), from.lost_before);
+    let_another_come();
+    return from;
+}
+
+// A packet takes no room any more. New credit in portions: a frame for every packet would cost as much as the packet.
+void subscriber_core::let_another_come() {
     ++consumed_;
-    if (options_.policy != overflow::lossless || !session_) return from;
-    // New credit in portions: a frame for every packet would cost as much as the packet.
+    if (options_.policy != overflow::lossless || !session_) return;
     auto allowed = granted_at_first_ + consumed_;
-    if (allowed - granted_ < std::max<std::uint64_t>(1, capacity_ / 2)) return from;
+    if (allowed - granted_ < std::max<std::uint64_t>(1, capacity_ / 2)) return;
     granted_ = allowed;
     session_->grant(*this, granted_);
-    return from;
 }
 
 void subscriber_core::drop_undecodable(const error& why) {

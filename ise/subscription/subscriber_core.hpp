@@ -198,6 +198,7 @@ private:
     void follow_trace();
     void finish(failure why);
     void drop_oldest();
+    void let_another_come();
     void count_undecodable(const error& why);
     void refuse_packets(const failure& why);
     void adapt_to(const std::vector<schema>& theirs, wire::subscribed& answer);

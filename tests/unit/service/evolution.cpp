@@ -2,6 +2,12 @@
 #include <support/catch.hpp>
 #include <support/sim_parties.hpp>
 
+#include <algorithm>
+#include <memory>
+#include <string>
+#include <variant>
+#include <vector>
+
 namespace evolution_test {
 
 using namespace ise_test;
@@ -20,8 +26,12 @@ struct done {
 struct report {
     double speed_kn = 0;
 };
+struct entry {
+    std::variant<int, std::string> what;
+};
 constexpr ise::request_response<order, done> helm("helm");
 constexpr ise::subscription<report> log_line("log");
+constexpr ise::subscription<entry> entries("entries");
 } // namespace older
 
 namespace newer {
@@ -37,8 +47,12 @@ struct report {
     double speed_kn = 0;
     double heading_deg = -1;
 };
+struct entry {
+    std::variant<int, std::string, double> what;
+};
 constexpr ise::request_response<order, done> helm("helm");
 constexpr ise::subscription<report> log_line("log");
+constexpr ise::subscription<entry> entries("entries");
 } // namespace newer
 
 namespace other {
@@ -243,6 +257,49 @@ TEST_CASE("a subscription between two versions resumes after a cut, and keeps th
     at.all.run_until([&] { return reading->done; });
     CHECK(reading->get() == 1);
     CHECK(speeds == std::vector<double>{1, 2});
+}
+
+TEST_CASE("a lossless subscriber of an older version leaves out the alternatives that it does not know, and its "
+          "publisher goes on") {
+    fixture at;
+    auto out = at.boat.publish(newer::entries);
+    struct account {
+        std::vector<int> numbers;
+        std::uint64_t lost = 0;
+        ise::subscription_counts counts;
+        bool ended = false;
+    };
+    account got;
+    auto read = [](ise::remote from, account& into) -> ise::task<> {
+        auto packets = co_await from.subscribe(older::entries, ise::subscribe_options::lossless(8));
+        for (;;) {
+            auto packet = co_await packets.next();
+            into.counts = packets.counts();
+            if (!packet) break;
+            into.numbers.push_back(std::get<int>(packet->what));
+            into.lost += packet.lost_before().value();
+        }
+        into.ended = true;
+    };
+    auto send = [](ise::publication<ise::subscription<newer::entry>> to, int& sent) -> ise::task<> {
+        for (; sent < 100; ++sent) {
+            newer::entry next{sent};
+            if (sent % 3 != 0) next.what = 1.5;
+            co_await to.send(next);
+        }
+    };
+    auto reading = start(at.shore.on, read(at.there, got));
+    REQUIRE(at.all.run_until([&] { return out.subscribers() == 1; }));
+    int sent = 0;
+    auto sending = start(at.boat.on, send(out, sent));
+    at.all.world.run_for(20s);
+    CHECK(sent == 100);
+    CHECK(sending->done);
+    CHECK(got.numbers.size() == 34);
+    CHECK(got.numbers.back() == 99);
+    CHECK(got.lost == 66);
+    CHECK(got.counts.undecodable == 66);
+    CHECK_FALSE(got.ended);
 }
 
 } // namespace evolution_test
