@@ -5,6 +5,7 @@
 #include <ise/packet/compatibility.hpp>
 #include <ise/session/tracer.hpp>
 #include <ise/wire/body.hpp>
+#include <ise/wire/reason.hpp>
 
 #include <fmt/format.h>
 
@@ -527,7 +528,7 @@ void incoming_calls::refuse(std::uint64_t id, const failure& why) {
     wire::call_failure result;
     result.code = static_cast<std::uint8_t>(why.code());
     result.execution = static_cast<std::uint8_t>(why.executed());
-    result.reason = why.message();
+    result.reason = wire::reason_of(why.message());
     auto& wire = over_.wire();
     buffer kept;
     buffer& out = number == 0 ? wire.out().calls() : kept;

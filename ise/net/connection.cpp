@@ -4,6 +4,7 @@
 #include <ise/core/limits.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/wire/body.hpp>
+#include <ise/wire/reason.hpp>
 
 #include <asio/error.hpp>
 #include <fmt/format.h>
@@ -405,7 +406,7 @@ void connection::finish(failure why, duration grace) {
 void connection::say_goodbye() {
     wire::farewell goodbye;
     goodbye.code = static_cast<std::uint8_t>(farewell_->code());
-    goodbye.reason = farewell_->message();
+    goodbye.reason = wire::reason_of(farewell_->message());
     farewell_.reset();
     wire::put_frame(outbox_.control(), frame_type::goodbye, 0, 0, [&](buffer& body) { encode(goodbye, body); });
 }

@@ -6,6 +6,7 @@
 #include <ise/core/task_scope.hpp>
 #include <ise/service/run_tap.hpp>
 #include <ise/session/service_runtime.hpp>
+#include <ise/wire/reason.hpp>
 
 #include <fmt/format.h>
 
@@ -34,7 +35,7 @@ bytes encoded(const failure& why) {
     run_failure result;
     result.code = static_cast<std::uint8_t>(why.code());
     result.execution = static_cast<std::uint8_t>(why.executed());
-    result.reason = why.message();
+    result.reason = wire::reason_of(why.message());
     return encode(result);
 }
 

@@ -3,6 +3,7 @@
 #include <ise/packet/codec.hpp>
 #include <ise/packet/compatibility.hpp>
 #include <ise/wire/body.hpp>
+#include <ise/wire/reason.hpp>
 
 #include <fmt/format.h>
 
@@ -143,8 +144,16 @@ void incoming_subscriptions::admit(std::uint64_t id, wire::subscribe terms, cons
         end(id, who.error(), lost);
         return;
     }
+    const auto body = encode(answer);
+    if (auto wrong =
+            over().too_large(fmt::format("the answer to a subscription to '{}'", publication.name()), body.size())) {
+        const auto kept = made.publication;
+        kept->end(**who, *wrong); // the user's callback has accepted it, and is called back
+        end(id, *wrong, 0);
+        return;
+    }
     made.who = *who;
-    over().send(frame_type::subscribed, 0, id, [&](buffer& body) { encode(answer, body); });
+    over().send(frame_type::subscribed, 0, id, [&](buffer& out) { out.append(bytes_view(body)); });
     made.who->attach(*this, id); // behind the answer
 }
 
@@ -154,7 +163,7 @@ void incoming_subscriptions::end(std::uint64_t id, const failure& why, std::uint
     wire::ended result;
     result.lost = lost;
     result.code = static_cast<std::uint8_t>(why.code());
-    result.reason = why.message();
+    result.reason = wire::reason_of(why.message());
     over().send(frame_type::ended, 0, id, [&](buffer& body) { encode(result, body); });
 }
 
@@ -171,6 +180,11 @@ result<void> incoming_subscriptions::on_unsubscribe(const net::carried_frame& re
             over().runtime().tell(peer_trouble::callback,
                                   fmt::format("'{}': {}", left.publication->name(), thrown.what()),
                                   over().caller_name());
+        }
+        const auto what = fmt::format("the answer to who left '{}'", left.publication->name());
+        if (auto wrong = over().too_large(what, response.size())) {
+            over().runtime().tell(peer_trouble::excess, wrong->message(), over().caller_name());
+            response.clear();
         }
     } // else it ended meanwhile: the answer is the same
     over().send(frame_type::unsubscribed, 0, received.header.id,

@@ -30,6 +30,12 @@ void outgoing_subscriptions::subscribe(subscriber_core& subscriber) {
                                 subscriber.service(), over_.peer_name())));
         return;
     }
+    const auto body = encode(terms);
+    const auto what = fmt::format("the request to subscribe to '{}' at {}", subscriber.service(), over_.peer_name());
+    if (auto wrong = over_.too_large(what, body.size())) {
+        subscriber.on_refused(*wrong);
+        return;
+    }
     auto id = next_id_++;
     runtime.schemas().add_own(subscriber.types());
     subscribers_.emplace(id, &subscriber);
@@ -41,14 +47,21 @@ void outgoing_subscriptions::subscribe(subscriber_core& subscriber) {
     }
     const std::uint8_t flags =
         connection.passes_objects() && subscriber.takes_objects() ? wire::flag::objects : std::uint8_t{0};
-    over_.send(frame_type::subscribe, flags, id, [&](buffer& body) { encode(terms, body); });
+    over_.send(frame_type::subscribe, flags, id, [&](buffer& out) { out.append(bytes_view(body)); });
 }
 
 void outgoing_subscriptions::unsubscribe(subscriber_core& subscriber, bytes_view farewell,
                                          std::weak_ptr<departure> waiting) {
     auto id = subscriber.id();
     if (subscribers_.erase(id) == 0 || !over_.open()) return;
-    if (!waiting.expired()) departures_.emplace(id, std::move(waiting));
+    auto wrong = over_.too_large(
+        fmt::format("the unsubscribe packet of '{}' at {}", subscriber.service(), over_.peer_name()), farewell.size());
+    if (wrong) { // it is left all the same
+        farewell = {};
+        if (auto who = waiting.lock()) who->outcome.emplace(std::move(*wrong));
+    } else if (!waiting.expired()) {
+        departures_.emplace(id, std::move(waiting));
+    }
     over_.send(frame_type::unsubscribe, 0, id, [&](buffer& body) { body.append(farewell); });
 }
 

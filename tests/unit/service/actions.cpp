@@ -80,6 +80,7 @@ ise::task<arrival> sail(party& boat, std::shared_ptr<logbook> log, waypoint to, 
         throw;
     }
     if (to.name == "shoals") throw ise::error(errc::refused, "too shallow");
+    if (to.name == "storm") throw ise::error(errc::refused, std::string(200'000, '~'));
     if (to.name == "edge") throw std::runtime_error("fell off");
     ++log->arrived[to.name];
     log->arrived_at[to.name] = boat.on.now();
@@ -103,9 +104,10 @@ struct sea {
     }
 
     explicit sea(ise::action_options options = ise::action_options(), std::uint64_t seed = 1,
-                 const std::string& scheme = "tcp", ise::duration of_a_leg = 1s)
+                 const std::string& scheme = "tcp", ise::duration of_a_leg = 1s, ise::service_options of_boat = quick(),
+                 ise::service_options of_shore = quick())
         : where(scheme + "://boat:7400"), listens(scheme + "://0.0.0.0:7400"), leg_time(of_a_leg), all(seed),
-          boat(all.add("boat", quick())), shore(all.add("shore", quick())) {
+          boat(all.add("boat", of_boat)), shore(all.add("shore", of_shore)) {
         add_action(boat, sailing(boat), options);
         boat.listen(listens);
         there = shore.at(where);
@@ -114,6 +116,11 @@ struct sea {
         ise::service_options made;
         made.accepts.heartbeat_ns = 300'000'000;
         made.linger = 20s;
+        return made;
+    }
+    static ise::service_options modest() {
+        auto made = quick();
+        made.accepts.max_message_bytes = 100'000;
         return made;
     }
     void cut() {
@@ -198,6 +205,33 @@ TEST_CASE("what a handler throws is the outcome of its run") {
     CHECK_THAT(fell.report->outcome->error().message(), Contains("fell off"));
     CHECK(fell.report->outcome->error().executed() == execution::unknown);
     CHECK(fell.report->legs.size() == 3);
+}
+
+TEST_CASE("a goal beyond what its provider accepts is refused here, and the session stays") {
+    sea at(ise::action_options(), 1, "tcp", 1s, sea::modest());
+    auto other = ask(at, "bay", 5);
+    REQUIRE(at.all.run_until([&] { return other.report->legs.size() == 1; }));
+    const auto began = at.all.world.now();
+    auto large = ask(at, std::string(200'000, 'x'));
+    REQUIRE(at.all.run_until([&] { return large.done(); }));
+    CHECK(at.all.world.now() - began < 100ms);
+    REQUIRE(large.report->not_started);
+    CHECK(large.report->not_started->code() == errc::too_large);
+    CHECK(large.report->not_started->executed() == execution::not_executed);
+    CHECK_THAT(large.report->not_started->message(), Contains("accepts 100000 (max_message_bytes)"));
+    REQUIRE(at.all.run_until([&] { return other.done(); }));
+    CHECK(*other.report->outcome);
+    CHECK(at.boat.services->counts().sessions_accepted == 1);
+}
+
+TEST_CASE("the outcome of a run whose handler throws a long text has the beginning of that") {
+    sea at(ise::action_options(), 1, "tcp", 1s, sea::quick(), sea::modest());
+    auto asked = ask(at, "storm");
+    REQUIRE(at.all.run_until([&] { return asked.done(); }));
+    CHECK(asked.code() == errc::refused);
+    CHECK_THAT(asked.report->outcome->error().message(), Contains("~~~"));
+    CHECK(asked.report->outcome->error().message().size() < 5'000);
+    CHECK(at.boat.services->counts().sessions_accepted == 1);
 }
 
 TEST_CASE("several runs at once, one after the other, in place of the last, or refused") {

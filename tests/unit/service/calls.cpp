@@ -688,6 +688,32 @@ TEST_CASE("a request beyond what the peer accepts is refused here, and the sessi
     CHECK(boat.services->counts().sessions_accepted == 1);
 }
 
+TEST_CASE(
+    "a handler's exception with a long text reaches the caller with the beginning of that, and the session stays") {
+    ise::service_options modest;
+    modest.accepts.max_message_bytes = 100'000;
+    sim_parties all;
+    auto& boat = all.add("boat");
+    auto& shore = all.add("shore", modest);
+    boat.provide(helm, [](set_mode) -> mode_set {
+        std::string text = "-";
+        for (int i = 0; i < 100'000; ++i) text += "é"; // of two bytes
+        throw ise::error(errc::refused, text);
+    });
+    const std::string scheme = GENERATE("tcp", "udp");
+    boat.listen(scheme + "://0.0.0.0:7400");
+    auto there = shore.at(scheme + "://boat:7400");
+    for (int i = 0; i < 2; ++i) {
+        auto got = all.run(shore, try_helm(there, "hold"));
+        REQUIRE_FALSE(got);
+        CHECK(got.error().code() == errc::refused);
+        CHECK(got.error().message().ends_with("éé"));
+        CHECK(got.error().message().size() > 4'000);
+        CHECK(got.error().message().size() < 5'000);
+    }
+    CHECK(boat.services->counts().sessions_accepted == 1);
+}
+
 TEST_CASE("a service that is withdrawn is gone for those who called it before") {
     fixture at;
     REQUIRE(at.call("hold"));

@@ -715,6 +715,66 @@ TEST_CASE("who leaves may say something, and gets the provider's answer") {
     at.all.world.net().heal_all();
 }
 
+TEST_CASE("a subscribe or unsubscribe packet beyond what its receiver accepts is refused, and the session stays") {
+    ise::service_options modest;
+    modest.accepts.max_message_bytes = 100'000;
+    const bool at_provider = GENERATE(true, false); // who accepts little
+    sim_parties all;
+    auto& boat = all.add("boat", at_provider ? modest : ise::service_options());
+    auto& shore = all.add("shore", at_provider ? ise::service_options() : modest);
+    using contract = ise::subscription<fix, area, receipt, goodbye, receipt>;
+    constexpr contract parcels("parcels");
+    const std::string large(200'000, 'x');
+    std::vector<std::size_t> heard;
+    ise::publication_callbacks<contract> callbacks;
+    callbacks.on_subscribe = [&](const area& where, const ise::subscriber_info&) -> ise::result<receipt> {
+        return receipt{where.name == "far" ? large : where.name};
+    };
+    callbacks.on_unsubscribe = [&](const goodbye& said, const ise::subscriber_info&) {
+        heard.push_back(said.ticket.size());
+        return receipt{said.ticket == "all" ? large : "paid"};
+    };
+    auto out = boat.publish(parcels, std::move(callbacks));
+    boat.listen("tcp://0.0.0.0:7400");
+    auto there = shore.at("tcp://boat:7400");
+    auto subscribe = [](ise::remote to, contract what, std::string name) -> ise::task<ise::subscriber<contract>> {
+        area where{std::move(name)};
+        auto stream = co_await to.subscribe(what, where, ise::subscribe_options());
+        co_return stream;
+    };
+    auto leave = [](ise::subscriber<contract>& stream, std::string ticket) -> ise::task<receipt> {
+        goodbye said{std::move(ticket)};
+        auto answer = co_await stream.unsubscribe(said);
+        co_return answer;
+    };
+    auto refused = [&](const auto& what) {
+        const auto began = all.world.now();
+        REQUIRE(all.run_until([&] { return what->done; }));
+        CHECK(all.world.now() - began < 100ms);
+        CHECK_THROWS_WITH(what->get(), Contains("accepts 100000 (max_message_bytes)"));
+        CHECK(what->code() == errc::too_large);
+    };
+    auto stream = all.run(shore, subscribe(there, parcels, "near"));
+    CHECK(stream.response().text == "near");
+    if (at_provider) {
+        refused(start(shore.on, subscribe(there, parcels, large)));
+        CHECK(out.subscribers() == 1);
+        refused(start(shore.on, leave(stream, large)));
+        all.world.run_for(1s);
+        CHECK(heard == std::vector<std::size_t>{0}); // it has left, by the default
+    } else {
+        refused(start(shore.on, subscribe(there, parcels, "far")));
+        CHECK(heard == std::vector<std::size_t>{0});
+        CHECK(out.subscribers() == 1);
+        auto leaving = start(shore.on, leave(stream, "all"));
+        REQUIRE(all.run_until([&] { return leaving->done; }));
+        CHECK(leaving->code() == errc::handler_failed); // it has left, without an answer
+        CHECK(heard == std::vector<std::size_t>{0, 3});
+    }
+    CHECK(out.subscribers() == 0);
+    CHECK(boat.services->counts().sessions_accepted == 1);
+}
+
 TEST_CASE("a subscription that ends other than by its user's wish is logged with its reason, and known until it is "
           "made again") {
     fixture at;
