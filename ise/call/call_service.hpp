@@ -102,6 +102,7 @@ public:
     /// Requests of a session that ended, or that the caller gave up.
     void withdraw(const call_origin& from, std::uint64_t id);
     void stop();
+    bool stopped() const noexcept { return stopped_; }
     std::size_t running() const noexcept { return workers_.size() - idle_.size(); }
     std::size_t waiting() const noexcept;
     /// Whether a handler has begun with that request, and somebody waits for its answer.

@@ -78,10 +78,11 @@ result<void> incoming_calls::on_introduce(const net::carried_frame& received) {
     if (auto wrong = objection_to(*introduced)) return *wrong;
     auto made = std::make_unique<binding>(held_);
     made->name = std::move(introduced->service);
+    made->introduced = std::move(introduced->fingerprints);
+    if (made->introduced.size() > role::response) made->response_told = made->introduced[role::response];
     bindings_.push_back(std::move(made));
     consult(*bindings_.back(), true);
-    if (bindings_.back()->denied) bindings_.back()->introduced = std::move(introduced->fingerprints);
-    else bind(static_cast<std::uint32_t>(bindings_.size() - 1), introduced->fingerprints);
+    if (!bindings_.back()->denied) bind(static_cast<std::uint32_t>(bindings_.size() - 1));
     return {};
 }
 
@@ -104,12 +105,9 @@ void incoming_calls::deny(binding& of, const incoming_call& call) {
 }
 
 void incoming_calls::review() {
-    for (std::uint32_t number = 0; number < bindings_.size(); ++number) {
-        auto& of = *bindings_[number];
-        of.denial_noted = false;
-        consult(of, false);
-        bool unbound = of.now == state::ready && !of.service;
-        if (!of.denied && unbound) bind(number, std::exchange(of.introduced, {}));
+    for (auto& one : bindings_) {
+        one->denial_noted = false;
+        consult(*one, false);
     }
 }
 
@@ -172,62 +170,81 @@ result<void> incoming_calls::on_request(const net::carried_frame& received) {
         until ? time_point(duration(parsed->time_ns)) : saturating_add(over_.on().now(), duration(parsed->time_ns));
     auto& of = *bindings_[parsed->service];
     incoming_packet request(packet, received.object);
-    if (of.denied) {
-        deny(of, call);
-    } else if (of.now == state::refused) {
-        turn_away(call, of.why);
-    } else if (of.now == state::comparing) {
-        if (of.held.hold(call, request)) place_of(id).held = true;
-        else
-            turn_away(call,
-                      failure(errc::overloaded,
-                              fmt::format("{} requests wait for the schemas of '{}' (held_requests, session_bytes)",
-                                          of.held.size(), of.name)));
-    } else {
+    const bool usual = !of.denied && of.now == state::ready && !of.service->stopped();
+    if (usual || may_serve(parsed->service, call, request)) [[likely]]
         serve(of, call, request);
-    }
     return {};
 }
 
-void incoming_calls::bind(std::uint32_t number, const std::vector<std::uint64_t>& fingerprints) {
-    auto& made = *bindings_[number];
-    made.service = services_.find_calls(made.name);
-    if (!made.service) {
-        made.now = state::refused;
-        made.why = services_.no_calls(made.name);
-        return;
+// What is not as usual: the service is not allowed, not provided, or its packets are not known to fit. Where it cannot
+// be served all the same, the request is answered, or held.
+bool incoming_calls::may_serve(std::uint32_t number, const incoming_call& call, incoming_packet& request) {
+    auto& of = *bindings_[number];
+    if (of.denied) {
+        deny(of, call);
+        return false;
     }
-    const auto& ours = made.service->types();
-    if (fingerprints == ours.fingerprints) return;
-    if (fingerprints.size() != ours.fingerprints.size()) {
-        made.now = state::refused;
-        made.why = failure(errc::type_mismatch, fmt::format("'{}' has {} packets here, {} at the caller", made.name,
-                                                            ours.fingerprints.size(), fingerprints.size()));
-        return;
-    }
-    made.now = state::comparing;
-    if (fingerprints[role::response] != ours.fingerprints[role::response]) {
-        // Ahead of every reply, which it overtakes.
-        wire::provider_packets result;
-        result.fingerprints = ours.fingerprints;
-        over_.send_ahead(wire::frame_type::answers, number, [&](buffer& body) { encode(result, body); });
-    }
-    compare(number, fingerprints);
+    const bool provided = of.service && !of.service->stopped();
+    if (!provided && of.now != state::comparing) bind(number);
+    if (of.now == state::ready) return true;
+    if (of.now == state::refused) turn_away(call, of.why);
+    else if (of.held.hold(call, request)) place_of(call.id).held = true;
+    else
+        turn_away(call, failure(errc::overloaded,
+                                fmt::format("{} requests wait for the schemas of '{}' (held_requests, session_bytes)",
+                                            of.held.size(), of.name)));
+    return false;
 }
 
-void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fingerprints) {
+// Looks for the service that is provided now; requests that began in a former one stay there.
+void incoming_calls::bind(std::uint32_t number) {
+    auto& of = *bindings_[number];
+    auto service = services_.find_calls(of.name);
+    if (service && service == of.service) return; // the component stops
+    auto refuse_all = [&of](failure why) {
+        of.now = state::refused;
+        of.why = std::move(why);
+    };
+    if (!service) return refuse_all(services_.no_calls(of.name));
+    const auto& ours = service->types().fingerprints;
+    const bool alike = of.introduced.size() == ours.size();
+    const bool tells = alike && ours[role::response] != of.response_told;
+    if (tells && of.served && over_.wire().out().big_calls_wait())
+        return refuse_all(
+            failure(errc::overloaded,
+                    fmt::format("'{}' is provided anew with another response, and a large reply is still being sent",
+                                of.name)));
+    of.service = std::move(service);
+    of.request.reset();
+    if (!alike)
+        return refuse_all(failure(errc::type_mismatch, fmt::format("'{}' has {} packets here, {} at the caller",
+                                                                   of.name, ours.size(), of.introduced.size())));
+    if (tells) {
+        // Behind the replies of a former service, ahead of its own.
+        wire::provider_packets result;
+        result.fingerprints = ours;
+        over_.send(wire::frame_type::answers, 0, number, [&](buffer& body) { encode(result, body); });
+        of.response_told = ours[role::response];
+    }
+    of.now = state::comparing;
+    if (of.introduced != ours) return compare(number);
+    of.now = state::ready;
+    of.served = true;
+}
+
+void incoming_calls::compare(std::uint32_t number) {
     auto decide = [this, number](std::optional<failure> problem) {
         auto& of = *bindings_[number];
         of.now = problem ? state::refused : state::ready;
         if (problem) {
             over_.runtime().tell(peer_trouble::mismatch, problem->message(), over_.caller_name());
             of.why = std::move(*problem);
+        } else {
+            of.served = true;
         }
         of.held.release([&](incoming_call& call, incoming_packet request) {
             place_of(call.id).held = false;
-            if (of.denied) deny(of, call);
-            else if (of.now == state::ready) serve(of, call, request);
-            else turn_away(call, of.why);
+            if (may_serve(number, call, request)) serve(of, call, request);
         });
     };
     auto result = [this, number, decide](const std::vector<schema>& theirs) {
@@ -245,7 +262,7 @@ void incoming_calls::compare(std::uint32_t number, std::vector<std::uint64_t> fi
             of.request = std::make_unique<adapter>(theirs[role::request], ours.schemas[role::request]);
         decide(std::nullopt);
     };
-    over_.schemas().need(std::move(fingerprints), result, [decide](const failure& why) { decide(why); });
+    over_.schemas().need(bindings_[number]->introduced, result, [decide](const failure& why) { decide(why); });
 }
 
 // Before it is looked up what became of it, if it may have come before.

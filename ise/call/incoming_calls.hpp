@@ -52,13 +52,15 @@ private:
         explicit binding(held_budget& room) : held(limit::held_requests, room) {}
 
         std::string name;
-        std::shared_ptr<call_service> service;
-        state now = state::ready;
+        std::vector<std::uint64_t> introduced; // the caller's packets
+        std::uint64_t response_told = 0;       // whose layout the caller expects
+        std::shared_ptr<call_service> service; // null: there was none yet
+        state now = state::refused;
         failure why{errc::no_such_service, {}};
+        bool served = false; // there may be replies
         std::unique_ptr<adapter> request;
-        std::unique_ptr<failure> denied;       // by the access policy
-        std::vector<std::uint64_t> introduced; // as long as that has never allowed it
-        bool denial_noted = false;             // in the audit log, for the next request
+        std::unique_ptr<failure> denied; // by the access policy
+        bool denial_noted = false;       // in the audit log, for the next request
         bool audited = false;
         held_packets<incoming_call> held; // while it is comparing
     };
@@ -83,8 +85,9 @@ private:
         }
     };
 
-    void bind(std::uint32_t number, const std::vector<std::uint64_t>& fingerprints);
-    void compare(std::uint32_t number, std::vector<std::uint64_t> fingerprints);
+    void bind(std::uint32_t number);
+    void compare(std::uint32_t number);
+    bool may_serve(std::uint32_t number, const incoming_call& call, incoming_packet& request);
     void turn_away(const incoming_call& call, failure why);
     void deny(binding& of, const incoming_call& call);
     void consult(binding& of, bool note);

@@ -27,6 +27,7 @@ std::uint32_t outgoing_calls::number_of(const pending_call& call) {
     auto made = std::make_unique<introduced>(held_);
     made->name = call.service;
     made->types = call.types;
+    made->told = call.types->fingerprints[role::response];
     introduced_.push_back(std::move(made));
     over_.runtime().schemas().add_own(*call.types);
     call.owner->on_first_call(call.service, *call.types);
@@ -170,16 +171,23 @@ result<void> outgoing_calls::on_answers(const net::carried_frame& received) {
     if (received.header.id >= introduced_.size())
         return failure(errc::protocol_error, "the packets of a service came that was not introduced");
     auto& service = *introduced_[static_cast<std::size_t>(received.header.id)]; // stays where it is
-    if (service.adapting || service.response)
-        return failure(errc::protocol_error, fmt::format("the packets of '{}' came twice", service.name));
     if (report->fingerprints.size() != service.types->fingerprints.size())
         return failure(errc::protocol_error,
                        fmt::format("'{}' was answered with the packets of another kind", service.name));
-    if (report->fingerprints[role::response] == service.types->fingerprints[role::response]) return {};
+    const auto told = report->fingerprints[role::response];
+    if (told == service.told) return {};
+    if (service.adapting) { // its schema will not be needed, nor understood
+        const failure anew(errc::type_mismatch, "it was provided anew with another response meanwhile");
+        release(service, &anew);
+    }
+    service.told = told;
+    service.response.reset();
+    if (told == service.types->fingerprints[role::response]) return {};
     service.adapting = true;
     over_.schemas().need(
-        {report->fingerprints[role::response]},
-        [this, &service](const std::vector<schema>& theirs) {
+        {told},
+        [this, &service, told](const std::vector<schema>& theirs) {
+            if (service.told != told) return;
             try {
                 service.response = std::make_unique<adapter>(theirs[0], service.types->schemas[role::response]);
                 release(service, nullptr);
@@ -187,7 +195,9 @@ result<void> outgoing_calls::on_answers(const net::carried_frame& received) {
                 release(service, &incompatible.why());
             }
         },
-        [this, &service](const failure& why) { release(service, &why); });
+        [this, &service, told](const failure& why) {
+            if (service.told == told) release(service, &why);
+        });
     return {};
 }
 

@@ -42,7 +42,8 @@ private:
 
         std::string name;
         const packet_types* types;
-        std::unique_ptr<adapter> response; // where the peer's response differs from ours
+        std::uint64_t told;                // the peer's response, by its fingerprint
+        std::unique_ptr<adapter> response; // where that differs from ours
         bool adapting = false;             // its schema was asked for; replies wait
         held_packets<std::uint64_t> held;  // by their calls
     };

@@ -183,6 +183,8 @@ public:
     bool calls_drained() const noexcept {
         return control_.empty() && blocks_.empty() && calls_.empty() && big_calls_.all.empty();
     }
+    /// Whether a call or reply that goes in pieces is not through: frames behind it overtake it.
+    bool big_calls_wait() const noexcept { return !big_calls_.all.empty(); }
     /// Bytes that wait, as far as they are here: packets that their sources still hold are not.
     std::size_t pending_bytes() const noexcept {
         return control_.size() + pending_call_bytes() + big_packets_.unsent_bytes;

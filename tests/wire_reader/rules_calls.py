@@ -22,7 +22,6 @@ class Caller:
 
     services: list[list[int]] = field(default_factory=list)  # the fingerprints of each number
     answers: dict[int, list[int]] = field(default_factory=dict)  # the provider's own
-    replied: set[int] = field(default_factory=set)  # numbers that had a reply
     calls: dict[int, Call] = field(default_factory=dict)
     slots: dict[int, int] = field(default_factory=dict)  # the last id of each
     numbers: set[int] = field(default_factory=set)  # by which requests may be sent again
@@ -82,7 +81,6 @@ class CallRules:
     def on_reply(self, side, frame) -> Any:
         caller = self.callers[self.on.peer(side).name]
         if call := self.answer(side, frame, caller):
-            caller.replied.add(call.service)
             own = caller.answers.get(call.service) or (caller.services + [[0, 0]])[call.service]
             self.on.user_packet(side, frame, "the reply", own[1], frame.body)
         return None
@@ -115,10 +113,9 @@ class CallRules:
         if not said or not self.on.require(frame.id < len(caller.services), side, frame, f"service {frame.id} was not introduced"):
             return said
         self.on.require(len(said["fingerprints"]) == 2, side, frame, "a service of calls has two fingerprints")
-        self.on.require(frame.id not in caller.replied, side, frame, "it comes before the first reply of its service")
-        self.on.note(frame.id not in caller.answers, side, frame, "it came before")
         own = (said["fingerprints"] + [0, 0])[:2]
-        self.on.note(own[1] != caller.services[frame.id][1], side, frame, "the response is the one that was introduced")
+        before = caller.answers.get(frame.id) or caller.services[frame.id]
+        self.on.note(own[1] != before[1], side, frame, "the response is the one that was introduced, or told before")
         caller.answers[frame.id] = own
         return said
 

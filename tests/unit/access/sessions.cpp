@@ -280,6 +280,24 @@ call = "boat:echo"
         CHECK_FALSE(ended->empty());
         CHECK(at.boat->services->counts().sessions_accepted == 1);
     }
+    SECTION("what was denied, is allowed, and was not provided meanwhile, is called once it is") {
+        at.boat->services->services().remove("echo");
+        CHECK(at.echoed().error().code() == errc::access_denied); // not whether it is there
+        at.write("boat", R"(version = 1
+[[allow]]
+who = "ise://atirma/web"
+name = "shore"
+call = "boat:echo"
+)");
+        at.world.run_for(10s);
+        CHECK(at.echoed().error().code() == errc::no_such_service);
+        at.boat->provide(echo, [](blob given) { return given; });
+        CHECK(at.echoed());
+        at.boat->services->services().remove("helm");
+        at.boat->provide(helm, [](set_mode) { return mode_set{}; });
+        CHECK(at.steer().error().code() == errc::access_denied); // provided anew is not allowed anew
+        CHECK(at.boat->services->counts().sessions_accepted == 1);
+    }
     SECTION("the session of an identity that was taken its path ends") {
         at.write("boat", "version = 1\n[[deny]]\nwho = \"ise://atirma/web\"\nname = \"**\"\n");
         at.world.run_for(12s);

@@ -714,6 +714,33 @@ TEST_CASE(
     CHECK(boat.services->counts().sessions_accepted == 1);
 }
 
+TEST_CASE("a service that is provided later, or anew, is called over the session that missed it") {
+    fixture at;
+    constexpr ise::request_response<set_mode, mode_set> sails("sails");
+    auto set_sails = [&] {
+        auto ask = [](ise::remote to, ise::request_response<set_mode, mode_set> what) -> ise::task<outcome> {
+            set_mode request{"reef"};
+            auto got = co_await to.try_call(what, request, 1s);
+            co_return got;
+        };
+        return at.all.run(at.shore, ask(at.there, sails));
+    };
+    for (int life = 0; life < 3; ++life) {
+        auto before = set_sails();
+        REQUIRE_FALSE(before);
+        CHECK(before.error().code() == errc::no_such_service);
+        CHECK(before.error().executed() == execution::not_executed);
+        CHECK_THAT(before.error().message(), Contains("there is no service 'sails'"));
+        at.boat.provide(sails, [&](set_mode asked) { return mode_set{true, asked.mode + std::to_string(life)}; });
+        auto got = set_sails();
+        REQUIRE(got);
+        CHECK(got->reason == "reef" + std::to_string(life));
+        at.boat.services->services().remove("sails");
+    }
+    CHECK(at.call("hold")); // the others' numbers are as they were
+    CHECK(at.boat.services->counts().sessions_accepted == 1);
+}
+
 TEST_CASE("a service that is withdrawn is gone for those who called it before") {
     fixture at;
     REQUIRE(at.call("hold"));
@@ -724,6 +751,7 @@ TEST_CASE("a service that is withdrawn is gone for those who called it before") 
     CHECK(waiting->get().error().code() == errc::cancelled);
     auto after = at.call("hold");
     REQUIRE_FALSE(after);
+    CHECK(after.error().code() == errc::no_such_service);
     CHECK(after.error().executed() == execution::not_executed);
 }
 

@@ -302,4 +302,77 @@ TEST_CASE("a lossless subscriber of an older version leaves out the alternatives
     CHECK_FALSE(got.ended);
 }
 
+TEST_CASE("a service that is provided anew with other packets is called over the same session") {
+    fixture at;
+    at.boat.listen("udp://0.0.0.0:7400");
+    const std::string where = GENERATE("tcp://boat:7400", "udp://boat:7400");
+    INFO(where);
+    auto there = at.shore.at(where);
+    const auto latency = GENERATE(1ms, 200ms);
+    at.all.world.net().between("boat", "shore").latency = latency;
+    auto provide_older = [&] {
+        at.boat.provide(older::helm, [](older::order asked) { return older::done{asked.mode == "hold"}; });
+    };
+    auto provide_newer = [&] {
+        at.boat.provide(newer::helm, [](newer::order asked) {
+            newer::done answer{asked.mode == "hold", std::to_string(asked.urgency)};
+            return answer;
+        });
+    };
+    auto provide_other = [&] { at.boat.provide(other::helm, [](other::order) { return other::done{true}; }); };
+    auto call = [&]() -> std::string {
+        newer::order request{"hold", 9};
+        auto got = at.all.run(at.shore, ask(there, newer::helm, request));
+        if (!got) return std::string(ise::name_of(got.error().code()));
+        CHECK(got->accepted);
+        return got->reason;
+    };
+    CHECK(call() == "no_such_service");
+    for (int i = 0; i < 2; ++i) {
+        provide_other();
+        CHECK(call() == "type_mismatch");
+        at.boat.services->services().remove("helm");
+        CHECK(call() == "no_such_service");
+        provide_older();
+        CHECK(call() == "none given");
+        CHECK(call() == "none given");
+        at.boat.services->services().remove("helm");
+        provide_newer();
+        CHECK(call() == "9");
+        at.boat.services->services().remove("helm");
+        provide_older();
+        CHECK(call() == "none given");
+        at.boat.services->services().remove("helm");
+        CHECK(call() == "no_such_service");
+    }
+    CHECK(at.boat.services->counts().sessions_accepted == 1);
+}
+
+TEST_CASE("a service that is provided anew with other packets at any moment leaves the session whole") {
+    auto moment = GENERATE(range(0, 1000, 20));
+    INFO(moment << " ms");
+    fixture at;
+    at.all.world.net().between("boat", "shore").latency = 100ms;
+    at.boat.provide(newer::helm, [](newer::order) { return newer::done{true, "newer"}; });
+    older::order request{"hold"};
+    std::vector<std::shared_ptr<started<ise::result<older::done>>>> calls;
+    for (int i = 0; i < 10; ++i) {
+        calls.push_back(start(at.shore.on, ask(at.there, older::helm, request)));
+        at.all.world.run_for(std::chrono::milliseconds(moment / 10));
+    }
+    at.boat.services->services().remove("helm");
+    at.boat.provide(older::helm, [](older::order) { return older::done{true}; });
+    for (int i = 0; i < 10; ++i) {
+        calls.push_back(start(at.shore.on, ask(at.there, older::helm, request)));
+        at.all.world.run_for(20ms);
+    }
+    REQUIRE(at.all.run_until([&] { return std::ranges::all_of(calls, [](const auto& one) { return one->done; }); }));
+    for (const auto& one : calls) {
+        if (one->get()) CHECK(one->get()->accepted);
+        else CHECK(one->get().error().code() != errc::malformed);
+    }
+    CHECK(calls.back()->get());
+    CHECK(at.boat.services->counts().sessions_accepted == 1);
+}
+
 } // namespace evolution_test
