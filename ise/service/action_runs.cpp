@@ -260,7 +260,19 @@ void action_runs::forget(const provided_run& run) {
 void action_runs::tell(const provided_run& run, const bytes& update) {
     auto out = out_.lock();
     if (!out || run.subscriber == 0) return;
-    auto made = out->encoded(current_trace(), [&](buffer& room) { room.append(bytes_view(update)); });
+    bytes_view packet = update;
+    bytes instead;
+    // A report beyond what its requester accepts is dropped and counted. For the outcome it would wait for ever.
+    if (const auto most = out->longest_for(run.subscriber);
+        run.is == provided_run::state::ended && packet.size() > most) {
+        const failure why(errc::too_large,
+                          fmt::format("the result of '{}' has {} bytes, its requester accepts {} (max_message_bytes)",
+                                      name_, packet.size(), most),
+                          execution::unknown);
+        runtime_.tell(peer_trouble::excess, why.message(), run.requester);
+        packet = instead = update_of(a_failure, encoded(why));
+    }
+    auto made = out->encoded(current_trace(), packet);
     out->publish_to(std::move(made),
                     [number = run.subscriber](const subscriber_info& who) { return who.number == number; });
 }

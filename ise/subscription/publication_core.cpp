@@ -35,6 +35,11 @@ bool publication_core::wants_object() const noexcept { return object_takers > 0 
 
 std::size_t publication_core::subscribers() const noexcept { return all_.size(); }
 
+std::uint64_t publication_core::longest_for(std::uint64_t number) const noexcept {
+    const auto found = std::ranges::find_if(all_, [&](const auto& who) { return who.info().number == number; });
+    return found == all_.end() ? std::numeric_limits<std::uint64_t>::max() : found->longest();
+}
+
 // The head is completed in publish.
 published_packet publication_core::encoded(const trace_id& trace, function_ref<void(buffer&)> write_packet) {
     auto& room = maker_.room();

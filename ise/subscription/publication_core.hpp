@@ -56,6 +56,9 @@ public:
     /// The same, then publishes.
     static task<> send_when_room(std::shared_ptr<publication_core> to, published_packet packet);
 
+    /// The longest packet that the subscriber of that number accepts now, as far as that is known.
+    std::uint64_t longest_for(std::uint64_t number) const noexcept;
+
     std::size_t subscribers() const noexcept;
     std::uint64_t published() const noexcept { return sequence_; }
     /// Packets that wait to be sent, at all subscribers.

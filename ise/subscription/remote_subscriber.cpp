@@ -290,13 +290,19 @@ void remote_subscriber::drop_oldest(std::uint64_t& reason) {
     ++group_.runtime().counts().packets_dropped;
 }
 
+std::uint64_t remote_subscriber::longest() const noexcept {
+    if (!line_) return std::numeric_limits<std::uint64_t>::max();
+    const auto most = line_->wire().terms().peer_accepts.max_message_bytes;
+    return most - std::min<std::uint64_t>(most, most_head_bytes);
+}
+
 bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
     const auto& wire = line_->wire();
-    const auto largest = wire.terms().peer_accepts.max_message_bytes;
+    const auto most = longest();
     // Where none of them can be too large for the peer, nor goes in pieces or beside the stream, nor without its time
     // or its trace.
-    const bool together = !wire.lossy() && wire.tells_stamps() && wire.tells_packet_traces() &&
-                          largest >= shared_bytes_maker::small_bytes;
+    const bool together =
+        !wire.lossy() && wire.tells_stamps() && wire.tells_packet_traces() && most >= shared_bytes_maker::small_bytes;
     std::size_t taken = 0;
     while (!queue_.empty() && may_send() && taken < quantum) {
         const auto& next = queue_.front();
@@ -310,12 +316,14 @@ bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
             out.put_frames(std::move(packets.frames), id_, packets.addressed);
             continue;
         }
-        if (size - packet_frame::head_bytes + most_head_bytes > largest) {
+        const auto packet =
+            next.object ? next.object.weight : size - packet_frame::head_size(next.frames.view().data());
+        if (packet > most) {
             group_.runtime().tell(
                 peer_trouble::excess,
                 fmt::format(
                     "a packet of '{}' with {} bytes is larger than its subscriber accepts: {} (max_message_bytes)",
-                    group_.name(), size - packet_frame::head_bytes, largest),
+                    group_.name(), packet, most),
                 info_.peer);
             drop_oldest(group_.losses.too_large);
             continue;

@@ -67,6 +67,8 @@ public:
     void vanish_now();
     /// Packets did not fit while it was out of reach.
     bool overrun() const noexcept { return beyond_ > 0; }
+    /// The longest packet that it accepts, where it is reached now; otherwise there is no limit.
+    std::uint64_t longest() const noexcept;
     /// Packets that did not arrive and are not sent any more if it ends now.
     std::uint64_t unsent() const noexcept { return queue_.size() + beyond_; }
 

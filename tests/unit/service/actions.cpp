@@ -224,6 +224,29 @@ TEST_CASE("a goal beyond what its provider accepts is refused here, and the sess
     CHECK(at.boat.services->counts().sessions_accepted == 1);
 }
 
+TEST_CASE("a result beyond what its requester accepts is an error that says so") {
+    const std::string scheme = GENERATE("tcp", "udp");
+    INFO(scheme);
+    sea at(ise::action_options(), 1, scheme, 1s, sea::quick(), sea::modest());
+    auto legs = GENERATE(0u, 3u); // of reports that are too large as well
+    auto asked = ask(at, std::string(200'000, 'x'), legs);
+    SECTION("over one session") {}
+    SECTION("over another one, on which its requester comes back") {
+        at.all.world.run_for(2500ms);
+        at.all.world.net().partition("boat", "shore");
+        at.all.world.run_for(5s);
+        at.all.world.net().heal_all();
+    }
+    REQUIRE(at.all.run_until([&] { return asked.done(); }));
+    CHECK(asked.code() == errc::too_large);
+    CHECK(asked.report->outcome->error().executed() == execution::unknown);
+    CHECK_THAT(asked.report->outcome->error().message(),
+               Contains("its requester accepts") && Contains("(max_message_bytes)"));
+    auto next = ask(at, "bay");
+    REQUIRE(at.all.run_until([&] { return next.done(); }));
+    CHECK(*next.report->outcome);
+}
+
 TEST_CASE("the outcome of a run whose handler throws a long text has the beginning of that") {
     sea at(ise::action_options(), 1, "tcp", 1s, sea::quick(), sea::modest());
     auto asked = ask(at, "storm");
