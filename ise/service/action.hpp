@@ -109,6 +109,8 @@ struct action_options {
     std::size_t concurrent = 16;        ///< maximum number of running goals
     when_busy busy = when_busy::refuse; ///< for a new goal beyond `concurrent`
     std::size_t waiting = 64;           ///< maximum number of queued goals; beyond: errc::overloaded
+    /// Maximum size of all queued goals; beyond: errc::overloaded.
+    std::size_t waiting_bytes = std::size_t{64} << 20;
 
     action_options() = default;
     /// One run at a time; a new goal replaces it.

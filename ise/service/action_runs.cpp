@@ -113,7 +113,8 @@ result<bytes> action_runs::accept(bytes_view request, const adapter* adapt, cons
                                    name_),
                        execution::unknown);
     std::size_t before = 0;
-    if (auto refused = make_room(before)) return std::move(*refused);
+    const auto goal = request.subspan(action_layout::goal);
+    if (auto refused = make_room(goal.size(), before)) return std::move(*refused);
     answer.before = static_cast<std::uint32_t>(before);
     auto run = std::make_shared<provided_run>(weak_from_this(), on);
     run->id = id;
@@ -121,7 +122,7 @@ result<bytes> action_runs::accept(bytes_view request, const adapter* adapt, cons
     run->number = ++accepted_;
     run->requester = who.peer;
     run->who = who.who;
-    run->goal.assign(request.begin() + action_layout::goal, request.end());
+    run->goal.assign(goal.begin(), goal.end());
     all_.push_back(run);
     tap(*run, tapped_run::goal, run->goal);
     if (time > duration{}) run->deadline.arm(saturating_add(on.now(), time));
@@ -132,11 +133,14 @@ result<bytes> action_runs::accept(bytes_view request, const adapter* adapt, cons
     return encode(answer);
 }
 
-// For one more run; gives how many are executed before it.
-std::optional<failure> action_runs::make_room(std::size_t& before) {
+// For one more run with a goal of so many bytes; gives how many are executed before it.
+std::optional<failure> action_runs::make_room(std::size_t goal, std::size_t& before) {
     std::vector<held_run> active;
-    for (const auto& one : all_)
+    std::size_t bytes = goal;
+    for (const auto& one : all_) {
         if (one->is != provided_run::state::ended) active.push_back(one);
+        if (one->is == provided_run::state::waiting) bytes += one->goal.size();
+    }
     if (active.size() < options_.concurrent) return std::nullopt;
     const auto waiting = active.size() - options_.concurrent; // those that begin in this turn do not
     switch (options_.busy) {
@@ -147,6 +151,10 @@ std::optional<failure> action_runs::make_room(std::size_t& before) {
             if (waiting >= options_.waiting)
                 return failure(errc::overloaded,
                                fmt::format("'{}' has {} goals waiting (action_options::waiting)", name_, waiting));
+            if (bytes > options_.waiting_bytes)
+                return failure(errc::overloaded,
+                               fmt::format("'{}' would have goals of {} bytes waiting (action_options::waiting_bytes)",
+                                           name_, bytes));
             before = waiting + 1;
             return std::nullopt;
         case when_busy::replace: break;

@@ -33,7 +33,7 @@ struct provided_run {
     std::string requester;        ///< its path and its address, for people
     std::string who;              ///< the requester's verified identity
     std::uint64_t subscriber = 0; ///< its number; 0: nobody wants it any more
-    bytes goal;
+    bytes goal;                   ///< until it is executed
     enum class state : std::uint8_t { waiting, running, ended } is = state::waiting;
     async_stack* coroutine = nullptr;
     std::optional<failure> cause; ///< why it was cancelled
@@ -64,7 +64,7 @@ private:
 
     result<bytes> accept(bytes_view request, const adapter* adapt, const subscriber_info& who);
     void remove(const subscriber_info& who);
-    std::optional<failure> make_room(std::size_t& before);
+    std::optional<failure> make_room(std::size_t goal, std::size_t& before);
     void launch(const held_run& run);
     static task<> execute(std::shared_ptr<action_runs> self, held_run run);
     void end(const held_run& run, std::optional<failure> why, bytes result);
@@ -114,6 +114,7 @@ std::shared_ptr<publication_core> make_action(service_runtime& runtime, const ac
     action_runs::executor execute = [shared](std::shared_ptr<provided_run> run) -> task<bytes> {
         Goal goal{};
         decode_into(goal, run->goal);
+        run->goal = bytes(); // the handler has its own
         progress<Feedback> report(run);
         auto handling = (*shared)(std::move(goal), std::move(report));
         auto made = co_await std::move(handling);

@@ -257,6 +257,24 @@ TEST_CASE("the outcome of a run whose handler throws a long text has the beginni
     CHECK(at.boat.services->counts().sessions_accepted == 1);
 }
 
+TEST_CASE("goals wait up to a number of bytes") {
+    sea at(ise::action_options::queueing());
+    auto first = ask(at, "bay", 100);
+    REQUIRE(at.all.run_until([&] { return first.report->started; }));
+    std::vector<requested> all;
+    for (int i = 0; i < 20; ++i) all.push_back(ask(at, std::string(5 << 20, 'x'), 0));
+    at.all.world.run_for(10s);
+    auto refused = [](const requested& one) { return one.report->not_started.has_value(); };
+    REQUIRE(std::ranges::count_if(all, refused) == 8); // 64 MiB hold twelve of them
+    const auto& why = *std::ranges::find_if(all, refused)->report->not_started;
+    CHECK(why.code() == errc::overloaded);
+    CHECK(why.executed() == execution::not_executed);
+    CHECK_THAT(why.message(), Contains("waiting_bytes"));
+    REQUIRE(at.all.run_until([&] { return std::ranges::all_of(all, &requested::done); }));
+    CHECK(std::ranges::count_if(all, [](const auto& one) { return one.report->outcome && *one.report->outcome; }) ==
+          12);
+}
+
 TEST_CASE("several runs at once, one after the other, in place of the last, or refused") {
     SECTION("at once, up to a number") {
         ise::action_options options;
