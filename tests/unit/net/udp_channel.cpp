@@ -145,6 +145,40 @@ TEST_CASE("a slow way gets no more than it carries for long, and no flood") {
     CHECK(most <= ise::net::udp::congestion::max_window);
 }
 
+TEST_CASE("to a peer that allows everything and never confirms one datagram a bounded part of the stream is sent") {
+    using namespace ise::net::udp;
+    channel sending(1);
+    ise::time_point now{1s};
+    sending.out().on_room(~std::uint64_t{0});
+    const ise::bytes content(sender::max_unsent);
+    std::size_t written = 0;
+    auto send = [&](bool first_byte_arrives) {
+        ise::buffer out;
+        for (int round = 0; round < 2000; ++round, now += 1ms) {
+            while (sending.out().writable()) written += sending.out().write(content);
+            acknowledgement confirmed;
+            for (out.clear(); sending.next(out, now); out.clear()) {
+                auto made = ise::wire::read_datagram(out.view());
+                REQUIRE(made);
+                auto number = ise::detail::load_little<std::uint64_t>(made->body.data());
+                bool first = false;
+                ise::wire::chunk_reader chunks(made->body.subspan(8));
+                while (auto one = chunks.next())
+                    first = first || (one->type == ise::wire::chunk_type::content &&
+                                      ise::detail::load_little<std::uint64_t>(one->content.data()) == 0);
+                if (first_byte_arrives || !first)
+                    confirmed.runs.insert(confirmed.runs.begin(), {number, number + 1}); // the highest first
+            }
+            if (!confirmed.runs.empty()) REQUIRE(sending.out().on_ack(confirmed, now));
+            if (sending.due(now) <= now) sending.on_timer(now);
+        }
+    };
+    send(false);
+    CHECK(written == receiver::max_window + sender::max_unsent);
+    send(true);
+    CHECK(written > 1'000'000); // and then it goes on
+}
+
 TEST_CASE("a datagram that came counts once") {
     channel_pair pair;
     pair.a.channel.out().write(ise::as_bytes("hello"));
