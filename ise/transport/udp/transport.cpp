@@ -51,6 +51,7 @@ public:
              const shared_bytes& payload) override {
         over_->put_message(key, header, head, payload);
     }
+    void forget(std::uint64_t key) noexcept override { over_->forget_messages(key); }
 
 private:
     static task<transfer> read(std::shared_ptr<association> from, asio::mutable_buffer into) {

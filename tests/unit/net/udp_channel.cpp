@@ -105,6 +105,45 @@ TEST_CASE("the latest message of each key gets there, older ones once at most, s
     }
 }
 
+TEST_CASE("messages of a subscription that has ended do not leave, do not come again and hold up nobody") {
+    channel_pair pair;
+    auto& messages = pair.a.channel.out().messages();
+    SECTION("big ones, one behind the other") {
+        for (auto fill : {std::uint8_t{1}, std::uint8_t{2}}) put_message(pair.a.channel, 1, 1 << 20, fill);
+        CHECK_FALSE(messages.wanted());
+    }
+    SECTION("small ones") {
+        for (auto fill : {std::uint8_t{1}, std::uint8_t{2}}) put_message(pair.a.channel, 1, 1000, fill);
+        CHECK_FALSE(messages.wanted());
+    }
+    SECTION("one that was lost") {
+        pair.way.loss = 1;
+        put_message(pair.a.channel, 1, 5000, 1);
+        REQUIRE(pair.run_until([&] { return messages.empty(); }));
+        pair.way.loss = 0;
+    }
+    messages.forget(1);
+    CHECK(messages.wanted());
+    CHECK(messages.empty());
+    CHECK(messages.unconfirmed() == 0);
+    put_message(pair.a.channel, 2, 100, 9);
+    CHECK_FALSE(pair.run_until([&] { return pair.b.messages.size() > 1; }, 1min));
+    CHECK(last_fill(pair.b) == 9);
+}
+
+TEST_CASE("messages of one subscription leave in order, and each once, where nothing is lost") {
+    channel_pair pair;
+    for (std::uint8_t fill = 1; fill <= 5; ++fill) put_message(pair.a.channel, 1, 3000, fill);
+    put_message(pair.a.channel, 2, 100, 9);
+    REQUIRE(pair.run_until([&] { return pair.b.messages.size() == 6; }));
+    CHECK(last_fill(pair.b) == 5);
+    std::string fills;
+    for (const auto& message : pair.b.messages) fills += std::to_string(static_cast<int>(message.back()));
+    CHECK(fills.find('9') < 3); // the other one does not wait for all of them
+    std::erase(fills, '9');
+    CHECK(fills == "12345");
+}
+
 TEST_CASE("the largest message passes a way that loses a twentieth") {
     channel_pair pair(2, {0.05, 0, 0.05});
     put_message(pair.a.channel, 1, ise::wire::max_datagram_message_bytes, 9);
