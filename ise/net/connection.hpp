@@ -178,6 +178,8 @@ private:
     asio::mutable_buffer room() noexcept override;
     void on_bytes(const transfer& got) override;
     void end_for_read(const std::error_code& problem);
+    void end_for_memory();
+    void take_bytes(std::size_t count);
     task<> write(std::shared_ptr<connection> held);
     void take_frames();
     void begin_piece();
