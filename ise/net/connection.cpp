@@ -108,6 +108,10 @@ void connection::take_bytes(std::size_t count) {
         parser_.commit(count);
     }
     take_frames();
+    look_at_unfinished();
+}
+
+void connection::look_at_unfinished() {
     if (unfinished_bytes() == 0 || !open()) return;
     auto* to = receiver();
     if (!to) return;
@@ -146,6 +150,11 @@ void connection::on_sign() {
     sign.header.flags = wire::flag::stalled;
     auto taken = take(sign, receiver());
     if (!taken) end_for(taken.error());
+}
+
+void connection::on_heard() {
+    alive_.heard(on_.now());
+    look_at_unfinished();
 }
 
 // A message beside the stream: a packet, and nothing that has to arrive, or arrive once.
