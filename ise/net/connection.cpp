@@ -71,7 +71,7 @@ asio::mutable_buffer connection::room() noexcept {
         auto found = reassembly_ && reassembly_->missing() > 0 ? reassembly_->room() : parser_.prepare();
         return asio::buffer(found.data(), found.size());
     } catch (const std::bad_alloc&) {
-        close(failure(errc::overloaded, fmt::format("{}: there is no memory for what it sends", peer_name())));
+        end_for_memory();
         return {};
     }
 }
@@ -93,18 +93,35 @@ void connection::on_bytes(const transfer& got) {
     counts_.bytes_in += got.bytes;
     loop::turn in(on_);
     alive_.heard(on_.now());
+    try {
+        take_bytes(got.bytes);
+    } catch (const std::bad_alloc&) {
+        end_for_memory();
+    }
+}
+
+void connection::take_bytes(std::size_t count) {
     if (reassembly_ && reassembly_->missing() > 0) {
-        auto filled = fill_piece(got.bytes);
+        auto filled = fill_piece(count);
         if (!filled) return end_for(filled.error());
         if (!open()) return;
     } else {
-        parser_.commit(got.bytes);
+        parser_.commit(count);
     }
     take_frames();
+    look_at_unfinished();
+}
+
+void connection::look_at_unfinished() {
     if (unfinished_bytes() == 0 || !open()) return;
     auto* to = receiver();
     if (!to) return;
     if (auto fits = to->on_unfinished(); !fits) end_for(fits.error());
+}
+
+// What it sent was more than there is, and is freed: a session ends over that, and not the process.
+void connection::end_for_memory() {
+    close(failure(errc::overloaded, fmt::format("{}: there is no memory for what it sends", peer_name())));
 }
 
 void connection::end_for_read(const std::error_code& problem) {
@@ -136,6 +153,11 @@ void connection::on_sign() {
     if (!taken) end_for(taken.error());
 }
 
+void connection::on_heard() {
+    alive_.heard(on_.now());
+    look_at_unfinished();
+}
+
 // A message beside the stream: a packet, and nothing that has to arrive, or arrive once.
 void connection::on_message(bytes_view message) {
     if (!open()) return;
@@ -157,9 +179,13 @@ void connection::on_passed(buffer& content, ring<passed_object>& attachments) {
     if (!open()) return;
     counts_.bytes_in += content.size();
     alive_.heard(on_.now());
-    parser_.add(content);
     attachments_ = &attachments;
-    take_frames();
+    try {
+        parser_.add(content);
+        take_frames();
+    } catch (const std::bad_alloc&) {
+        end_for_memory();
+    }
     attachments_ = nullptr;
 }
 

@@ -73,7 +73,8 @@ public:
     public:
         /// A failure ends the connection: the peer broke the protocol.
         virtual result<void> on_frame(const carried_frame& received) = 0;
-        /// Called after a read that leaves messages incomplete (`unfinished_bytes()`). A failure as above.
+        /// Called after a read, or a datagram, that leaves something incomplete (`unfinished_bytes()`). A failure as
+        /// above.
         virtual result<void> on_unfinished() { return {}; }
         /// The last call, exactly once, never from within a call of the user.
         virtual void on_closed(const failure& cause) = 0;
@@ -147,8 +148,11 @@ public:
     bool knows_clock() const noexcept { return tells_clock() && terms_.clock.known(); }
     /// The last measured round trip of a heartbeat; zero before the first.
     duration round_trip() const noexcept { return alive_.round_trip(); }
-    /// Bytes of messages of which some pieces are missing.
-    std::uint64_t unfinished_bytes() const noexcept { return reassembly_ ? reassembly_->bytes_held() : 0; }
+    /// Bytes of frames, of messages in pieces and, over datagrams, of packets, of which a part is missing.
+    std::uint64_t unfinished_bytes() const noexcept {
+        return parser_.pending() + (reassembly_ ? reassembly_->bytes_held() : 0) +
+               (datagrams_ ? datagrams_->bytes_held() : 0);
+    }
     time_point last_heard() const noexcept { return alive_.last_heard(); }
     /// The last thing heard was its node, which says that the peer is busy.
     bool peer_stalled() const noexcept { return stalled_sign_ != 0 && stalled_sign_ == counts_.frames_in; }
@@ -178,6 +182,8 @@ private:
     asio::mutable_buffer room() noexcept override;
     void on_bytes(const transfer& got) override;
     void end_for_read(const std::error_code& problem);
+    void end_for_memory();
+    void take_bytes(std::size_t count);
     task<> write(std::shared_ptr<connection> held);
     void take_frames();
     void begin_piece();
@@ -187,7 +193,8 @@ private:
     result<void> take_attached(carried_frame received, user* receiver);
     result<void> take_own(const carried_frame& received, user* receiver);
     static failure too_many_answers();
-    void on_heard() override { alive_.heard(on_.now()); }
+    void look_at_unfinished();
+    void on_heard() override;
     void on_message(bytes_view message) override;
     void on_passed(buffer& content, ring<passed_object>& attachments) override;
     void on_room() override { written(); }

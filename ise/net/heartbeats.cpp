@@ -98,8 +98,14 @@ void heartbeat_senders::hasten(duration heartbeat) {
 
 void heartbeat_senders::show(time_point now) {
     std::lock_guard lock(mutex_);
-    for (const auto& known : all_)
-        if (auto held = known.lock()) held->show(now);
+    auto shortest = duration::max();
+    for (const auto& known : all_) {
+        const auto held = known.lock();
+        if (!held) continue;
+        held->show(now);
+        shortest = std::min(shortest, held->heartbeat());
+    }
+    shortest_.store(shortest.count(), std::memory_order_relaxed); // whoever hastens one meanwhile has it shown anew
 }
 
 } // namespace ise::net

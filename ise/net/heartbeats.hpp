@@ -151,7 +151,7 @@ public:
     /// One of them is to send this often.
     void hasten(duration heartbeat);
     void show(time_point now);
-    /// The shortest heartbeat that any peer ever wanted; duration::max() before the first.
+    /// The shortest heartbeat that any peer wants, as of the last `show`; duration::max() where there is none.
     duration min_heartbeat() const noexcept { return duration(shortest_.load(std::memory_order_relaxed)); }
 
 private:

@@ -166,6 +166,7 @@ void outbox::remove(publication_source& source) noexcept {
         return true;
     });
     source.in_pieces_ = 0;
+    if (const auto key = std::exchange(source.in_lane_, std::nullopt); key && lane_) lane_->forget(*key);
 }
 
 void outbox::put_packet(publication_source& from, frame_header header, bytes_view head, const shared_bytes& payload) {
@@ -173,6 +174,7 @@ void outbox::put_packet(publication_source& from, frame_header header, bytes_vie
     header.length = static_cast<std::uint32_t>(size);
     if (lane_) {
         lane_->put(header.id, header, head, payload);
+        from.in_lane_ = header.id;
         return;
     }
     assert(filling_);

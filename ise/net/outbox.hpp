@@ -14,6 +14,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -115,6 +116,7 @@ private:
     friend class outbox;
     bool pending_ = false;
     std::size_t in_pieces_ = 0;
+    std::optional<std::uint64_t> in_lane_; // its key there
 };
 
 /// What waits to be written on one connection, in three classes: control goes first, then calls and replies, then

@@ -8,7 +8,7 @@
 namespace ise {
 
 host_memory::held host_memory::with(net::connection& one) {
-    auto& all = by_host_[net::host_of(one.peer_name())];
+    auto& all = by_host_[net::host_of(one.terms().peer.verified.from)];
     all.insert(&one);
     held sum;
     for (auto at = all.begin(); at != all.end();) {

@@ -11,7 +11,8 @@ namespace net {
 class connection;
 }
 
-/// Memory that the sessions of a component hold for their peers, by host: a host gains none by opening many sessions.
+/// Memory that the sessions of a component hold for their peers, by host: a host gains none by opening many sessions,
+/// whatever name each gives itself.
 class host_memory {
 public:
     /// A session that holds no more is not counted.

@@ -16,8 +16,12 @@ void schema_exchange::need(const std::vector<std::uint64_t>& fingerprints, ready
     question asked{fingerprints, {}, std::move(then), std::move(otherwise)};
     wire::schema_request unknown;
     for (auto fingerprint : fingerprints) {
-        asked.schemas.push_back(book_.find(fingerprint));
-        if (!asked.schemas.back()) unknown.fingerprints.push_back(fingerprint);
+        auto& known = asked.schemas.emplace_back(book_.find(fingerprint));
+        if (!known) {
+            unknown.fingerprints.push_back(fingerprint);
+        } else if (auto problem = hold(*known)) {
+            return asked.otherwise(*problem);
+        }
     }
     if (unknown.fingerprints.empty()) return hand_over(asked);
     if (open_.size() >= limit::schema_questions)
@@ -29,23 +33,22 @@ void schema_exchange::need(const std::vector<std::uint64_t>& fingerprints, ready
     connection_.written();
 }
 
-// Who is told may keep them as long as the session lasts, whatever the book forgets.
+// A question keeps it until its last answer, and whoever asked as long as the session lasts, whatever the book forgets.
+std::optional<failure> schema_exchange::hold(const schema& one) {
+    if (held_.contains(one.fingerprint())) return std::nullopt;
+    const auto bytes = held_bytes_ + book_.cost_of(one);
+    if (bytes > max_bytes_)
+        return failure(errc::overloaded,
+                       fmt::format("the schemas of this session would take {} bytes, {} are allowed (session_bytes)",
+                                   bytes, max_bytes_));
+    held_.insert(one.fingerprint());
+    held_bytes_ = bytes;
+    return std::nullopt;
+}
+
 void schema_exchange::hand_over(question& asked) {
     std::vector<schema> theirs;
-    std::size_t more = 0;
-    std::unordered_set<std::uint64_t> fresh;
-    for (auto& one : asked.schemas) {
-        if (!handed_over_.contains(one->fingerprint()) && fresh.insert(one->fingerprint()).second)
-            more += book_.cost_of(*one);
-        theirs.push_back(std::move(*one));
-    }
-    if (handed_over_bytes_ + more > max_bytes_)
-        return asked.otherwise(
-            failure(errc::overloaded,
-                    fmt::format("the schemas of this session would take {} bytes, {} are allowed (session_bytes)",
-                                handed_over_bytes_ + more, max_bytes_)));
-    handed_over_bytes_ += more;
-    handed_over_.merge(fresh);
+    for (auto& one : asked.schemas) theirs.push_back(std::move(*one));
     asked.then(theirs);
 }
 
@@ -106,6 +109,7 @@ result<void> schema_exchange::on_answer(bytes_view body) {
             problem.emplace(read.error());
         }
     }
+    if (known) problem = hold(*known);
     // Answering may ask anew: the questions that are decided now are taken out first.
     std::vector<question> decided;
     std::erase_if(open_, [&](question& asked) {

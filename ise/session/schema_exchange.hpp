@@ -2,7 +2,10 @@
 #include <ise/net/connection.hpp>
 #include <ise/session/schema_cache.hpp>
 
+#include <functional>
+#include <optional>
 #include <unordered_set>
+#include <vector>
 
 namespace ise {
 
@@ -12,7 +15,7 @@ public:
     using ready = std::function<void(const std::vector<schema>&)>;
     using failed = std::function<void(const failure&)>;
 
-    /// `max_bytes`: of memory, for all schemas that the peer tells of.
+    /// `max_bytes`: of memory, for all schemas that the peer sends, or that its questions hold.
     schema_exchange(schema_cache& book, net::connection& connection, std::size_t max_bytes)
         : book_(book), connection_(connection), max_bytes_(max_bytes) {}
 
@@ -32,14 +35,15 @@ private:
         failed otherwise;
     };
     bool asked_for(std::uint64_t fingerprint) const;
-    void hand_over(question& asked);
+    std::optional<failure> hold(const schema& one);
+    static void hand_over(question& asked);
 
     schema_cache& book_;
     net::connection& connection_;
     std::size_t max_bytes_;
     std::vector<question> open_;
-    std::unordered_set<std::uint64_t> handed_over_; // what services and subscriptions of this session may keep
-    std::size_t handed_over_bytes_ = 0;
+    std::unordered_set<std::uint64_t> held_; // what questions, services and subscriptions of this session may keep
+    std::size_t held_bytes_ = 0;
 };
 
 } // namespace ise

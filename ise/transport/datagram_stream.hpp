@@ -2,6 +2,8 @@
 #include <ise/core/stream.hpp>
 #include <ise/transport/packet_lane.hpp>
 
+#include <cstddef>
+#include <cstdint>
 #include <memory>
 
 namespace ise::net {
@@ -31,6 +33,8 @@ public:
     virtual void use(std::weak_ptr<user> receiver) = 0;
     /// Tells the peer that this side is there, but busy. From any thread, while the stream is open; false: not now.
     virtual bool show_sign() noexcept = 0;
+    /// Of messages, and of the stream, which have come in part or are not taken yet.
+    virtual std::size_t bytes_held() const noexcept = 0;
     /// The most that one message or call may have.
     virtual std::uint64_t max_message_bytes() const noexcept = 0;
 };

@@ -15,6 +15,8 @@ public:
     /// A whole packet frame: header, the part before the shared payload, payload. `key` is its subscription.
     virtual void put(std::uint64_t key, const wire::frame_header& header, bytes_view head,
                      const shared_bytes& payload) = 0;
+    /// That subscription has ended: what was put for it is neither sent nor sent again.
+    virtual void forget(std::uint64_t key) noexcept = 0;
 
 protected:
     ~packet_lane() = default;

@@ -189,16 +189,21 @@ task<std::error_code> accepted_stream::agree() {
     auto* socket = dynamic_cast<real::socket_stream*>(now_.get());
     std::vector<owned_fd> passed;
     std::array<std::byte, offer_bytes> asked{};
-    if (socket) socket->keep_passed(&passed);
-    auto problem = co_await fill(*now_, asked);
+    const bool kindred = socket && is_kindred(socket->fd());
+    if (kindred) socket->keep_passed(&passed);
+    const auto first = co_await now_->read_some(asio::buffer(asked));
     if (closed_) co_return asio::error::operation_aborted;
-    if (socket) socket->keep_passed(nullptr);
+    if (kindred) socket->keep_passed(nullptr); // they come with the first byte, and what comes later is dropped
+    auto problem = first.problem;
+    const auto rest = std::span<std::byte>(asked).subspan(first.bytes);
+    if (!problem) problem = co_await fill(*now_, rest);
+    if (closed_) co_return asio::error::operation_aborted;
     if (problem) co_return problem;
     if (!is_marked(asked) || asked[mark.size()] != version)
         co_return refuse({errc::protocol_error, "it does not begin with an offer of shared memory, as on shm://"});
     const auto ring_bytes = detail::load_little<std::uint32_t>(asked.data() + 8);
     std::unique_ptr<stream> memory;
-    if (socket && ring_bytes != 0 && is_kindred(socket->fd())) {
+    if (kindred && ring_bytes != 0) {
         auto made = shared(ring_bytes, std::move(passed));
         if (!made && made.error().code() == errc::protocol_error) co_return refuse(made.error());
         if (made) memory = std::move(*made);

@@ -59,8 +59,8 @@ failure unusable(const std::string& file, std::string_view why) {
 
 result<std::shared_ptr<identity>> identity::load(environment& env, identity_files from) {
     std::shared_ptr<identity> made(new identity(std::move(from)));
-    auto read = made->refresh(env);
-    if (!read) return read.error();
+    made->refresh(env);
+    if (made->trouble_) return std::move(*made->trouble_);
     return made;
 }
 
@@ -71,22 +71,26 @@ result<std::shared_ptr<identity>> identity::load(environment& env, const std::st
 
 result<std::shared_ptr<ssl_ctx_st>> identity::context(environment& env) {
     std::lock_guard lock(mutex_);
-    if (env.now() - read_at_ >= reread_after) {
-        auto read = refresh(env);
-        if (!read)
-            return failure(read.error().code(),
-                           fmt::format("no session with TLS can be made: {}", read.error().message()));
-    }
+    if (env.now() - read_at_ >= reread_after) refresh(env);
+    if (trouble_)
+        return failure(trouble_->code(), fmt::format("no session with TLS can be made: {}", trouble_->message()));
     return made_;
 }
 
 bool identity::revoked(environment& env, const std::vector<std::string>& chain) {
     std::lock_guard lock(mutex_);
-    if (env.now() - read_at_ >= reread_after) (void)refresh(env); // new sessions report why it cannot
+    if (env.now() - read_at_ >= reread_after) refresh(env); // new sessions report why it cannot
     return std::ranges::any_of(chain, [&](const auto& one) { return revoked_.contains(one); });
 }
 
-result<void> identity::refresh(environment& env) {
+void identity::refresh(environment& env) {
+    read_at_ = env.now(); // also where they cannot be used: strangers cause no reading
+    auto outcome = reread(env);
+    trouble_.reset();
+    if (!outcome) trouble_ = outcome.error();
+}
+
+result<void> identity::reread(environment& env) {
     auto now = read(env);
     if (!now) return now.error();
     if (!made_ || !(*now == seen_)) {
@@ -95,7 +99,6 @@ result<void> identity::refresh(environment& env) {
         made_ = std::move(*built);
         seen_ = std::move(*now);
     }
-    read_at_ = env.now();
     return {};
 }
 

@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -55,7 +56,8 @@ private:
     };
 
     explicit identity(identity_files from) : files_(std::move(from)) {}
-    result<void> refresh(environment& env);
+    void refresh(environment& env);
+    result<void> reread(environment& env);
     result<contents> read(environment& env) const;
     result<std::string> show_own(ssl_ctx_st* to, const contents& from) const;
     result<std::shared_ptr<ssl_ctx_st>> build(const contents& from);
@@ -68,6 +70,7 @@ private:
     bool knows_revoked_ = false;
     std::set<std::string> revoked_; // as in `verified_peer::chain`
     time_point read_at_{};
+    std::optional<failure> trouble_; // with the files, when they were read last
 };
 
 } // namespace ise::net::tls

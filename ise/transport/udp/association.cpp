@@ -312,6 +312,11 @@ void association::put_message(std::uint64_t key, const wire::frame_header& heade
     soon();
 }
 
+void association::forget_messages(std::uint64_t key) noexcept {
+    channel_.out().messages().forget(key);
+    if (room_asked_ && !left_ && !gone_) soon(); // there may be room for others
+}
+
 void association::shutdown_write() {
     if (left_ || gone_) return;
     channel_.out().end();

@@ -90,6 +90,7 @@ public:
     } ///< until `writable`. Cancellation: as `wait_readable`
     bool message_wanted() noexcept;
     void put_message(std::uint64_t key, const wire::frame_header& header, bytes_view head, const shared_bytes& payload);
+    void forget_messages(std::uint64_t key) noexcept;
     void limit_unsent(std::size_t most) noexcept { channel_.out().limit_under_way(most); }
     void shutdown_write();
     /// The user goes. What was written is still sent, where somebody is there to hear the acks.

@@ -48,6 +48,8 @@ public:
     /// Messages are taken from now on: the other side has shown who it is.
     void take_messages() noexcept { messages_taken_ = true; }
     const incoming_messages& messages() const noexcept { return messages_; }
+    /// What has come and waits for more of it, or to be read.
+    std::size_t bytes_held() const noexcept { return receiver_.bytes_held() + messages_.bytes_held(); }
     std::uint64_t ignored() const noexcept { return ignored_; }
 
 private:

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <utility>
 
 namespace ise::net::udp {
 
@@ -26,39 +27,51 @@ void outgoing_messages::put(std::uint64_t key, const wire::frame_header& header,
     first.append(head);
     made->head = first.to_bytes();
     made->payload = payload;
-    auto& latest = latest_[key];
-    if (latest) {
-        latest->superseded = true;
-        latest->again.clear();
-        if (latest->next == latest->fragments()) std::erase(sending_, latest);
-    }
-    latest = made;
     if (made->size() > big_bytes) {
         ++big_;
     } else {
         small_unsent_ += made->size();
     }
+    auto& latest = latest_[key];
+    auto former = std::exchange(latest, made);
+    if (former) {
+        former->superseded = true;
+        const bool repeats = !former->again.empty();
+        former->again.clear();
+        if (former->next < former->fragments()) {
+            former->following = std::move(made);
+            return;
+        }
+        if (repeats) std::erase(sending_, former);
+    }
     sending_.push_back(std::move(made));
 }
 
-// An earlier one of the same key is not through: they leave in order.
-bool outgoing_messages::blocked(const outgoing_message& message) const noexcept {
-    return std::any_of(sending_.begin(), sending_.end(), [&](const auto& other) {
-        return other->key == message.key && other->number < message.number && other->next < other->fragments();
-    });
-}
-
-std::size_t outgoing_messages::unsent(const outgoing_message& message) const noexcept {
+std::size_t outgoing_messages::unsent(const outgoing_message& message) noexcept {
     return message.size() - std::min(message.size(), message.next * fragment_bytes);
 }
 
+// It counts no more.
+void outgoing_messages::drop(const outgoing_message& message) noexcept {
+    if (message.size() <= big_bytes) {
+        small_unsent_ -= unsent(message);
+    } else if (message.next < message.fragments()) {
+        --big_;
+    }
+}
+
+void outgoing_messages::forget(std::uint64_t key) noexcept {
+    if (latest_.erase(key) == 0) return;
+    std::erase_if(sending_, [&](const auto& first) {
+        if (first->key != key) return false;
+        for (const auto* message = first.get(); message; message = message->following.get()) drop(*message);
+        return true;
+    });
+}
+
 void outgoing_messages::fill(wire::data_writer& out, std::vector<sent_fragment>& sent) {
-    for (std::size_t place = 0; place < sending_.size();) {
+    for (std::size_t place = 0; place < sending_.size() && out.room() > wire::fragment_head_bytes;) {
         auto message = sending_[place];
-        if (blocked(*message)) {
-            ++place;
-            continue;
-        }
         bool repeated = !message->again.empty();
         auto index = repeated ? *message->again.begin() : message->next;
         auto from = index * fragment_bytes;
@@ -83,6 +96,8 @@ void outgoing_messages::fill(wire::data_writer& out, std::vector<sent_fragment>&
             } else if (message->next == message->fragments()) {
                 --big_;
             }
+            if (message->next == message->fragments() && message->following)
+                sending_.push_back(std::move(message->following));
         }
         sent.push_back(sent_fragment{message, index});
         if (message->again.empty() && message->next == message->fragments()) {
@@ -99,7 +114,6 @@ void outgoing_messages::on_arrived(const sent_fragment& which) {
     if (++message.arrived < message.fragments()) return;
     auto latest = latest_.find(message.key);
     if (latest == latest_.end() || latest->second.get() != &message) return;
-    std::erase(sending_, latest->second);
     latest_.erase(latest);
 }
 

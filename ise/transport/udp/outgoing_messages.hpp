@@ -25,10 +25,11 @@ struct outgoing_message {
     std::uint64_t key = 0; ///< what it is the latest of: its subscription
     bytes head;            ///< frame header, and what stands before the payload
     shared_bytes payload;
-    std::uint32_t next = 0;        ///< the first fragment that was never sent
-    std::uint32_t arrived = 0;     ///< fragments that did
-    std::set<std::uint32_t> again; ///< fragments that were lost
-    bool superseded = false;       ///< there is a newer one of that key
+    std::uint32_t next = 0;                      ///< the first fragment that was never sent
+    std::uint32_t arrived = 0;                   ///< fragments that did
+    std::set<std::uint32_t> again;               ///< fragments that were lost
+    bool superseded = false;                     ///< there is a newer one of that key
+    std::shared_ptr<outgoing_message> following; ///< the next of that key, until this one was sent: they leave in order
 
     std::size_t size() const noexcept { return head.size() + payload.size(); }
     std::uint32_t fragments() const noexcept { return fragments_of(size()); }
@@ -47,6 +48,8 @@ public:
     /// Whether one more should be asked for now: it is decided late, so that the latest value is the latest.
     bool wanted() const noexcept { return small_unsent_ < wire::datagram_bytes && big_ < 2; }
     void put(std::uint64_t key, const wire::frame_header& header, bytes_view head, const shared_bytes& payload);
+    /// Drops those of that key.
+    void forget(std::uint64_t key) noexcept;
 
     bool empty() const noexcept { return sending_.empty(); }
     /// Fragments for as much as there is room, in turns.
@@ -60,10 +63,10 @@ public:
 private:
     static constexpr std::size_t big_bytes = 16 * 1024;
 
-    bool blocked(const outgoing_message& message) const noexcept;
-    std::size_t unsent(const outgoing_message& message) const noexcept;
+    static std::size_t unsent(const outgoing_message& message) noexcept;
+    void drop(const outgoing_message& message) noexcept;
 
-    std::deque<std::shared_ptr<outgoing_message>> sending_;
+    std::deque<std::shared_ptr<outgoing_message>> sending_; // in turns, and of each key at most one
     std::map<std::uint64_t, std::shared_ptr<outgoing_message>> latest_;
     std::uint64_t next_number_ = 0;
     std::size_t small_unsent_ = 0; // bytes of small messages

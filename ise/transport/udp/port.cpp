@@ -155,7 +155,8 @@ bool port::lets_refuse() noexcept {
 void port::forget(association& gone) {
     if (all_.contains(gone.id()) && gone.drains()) --draining_;
     if (all_.contains(gone.id()) && gone.refuses()) --refusing_;
-    openings_.erase(std::pair(gone.first_peer(), gone.channel().peer_id()));
+    const auto opening = openings_.find(std::pair(gone.first_peer(), gone.channel().peer_id()));
+    if (opening != openings_.end() && opening->second.get() == &gone) openings_.erase(opening); // else a later one's
     std::erase_if(waiting_, [&](const auto& entry) { return entry.get() == &gone; });
     if (dialled_.get() == &gone) dialled_.reset();
     all_.erase(gone.id());

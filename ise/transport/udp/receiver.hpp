@@ -40,6 +40,8 @@ public:
 
     std::size_t read(std::span<std::byte> into);
     bool readable() const noexcept { return upto_ > base_; }
+    /// Of the stream, with the gaps in it.
+    std::size_t bytes_held() const noexcept { return buffer_.size() - head_; }
     /// Everything was read, and nothing follows.
     bool ended() const noexcept { return end_ && base_ == *end_; }
 

@@ -23,7 +23,7 @@ std::size_t sender::write(bytes_view content) {
 }
 
 bool sender::has_content() const noexcept {
-    return !again_.empty() || next_ < std::min(written(), room_) || end_waits() || probe_wanted_ || !messages_.empty();
+    return !again_.empty() || next_ < limit() || end_waits() || probe_wanted_ || !messages_.empty();
 }
 
 bool sender::ready(time_point now) noexcept {
@@ -51,9 +51,8 @@ bool sender::fill(wire::data_writer& out) {
         put_content(out, begin, end);
         again_.remove(begin, end);
     }
-    auto limit = std::min(written(), room_);
-    if (next_ < limit && out.room() > wire::content_head_bytes) {
-        auto end = std::min<std::uint64_t>(limit, next_ + out.room() - wire::content_head_bytes);
+    if (next_ < limit() && out.room() > wire::content_head_bytes) {
+        auto end = std::min<std::uint64_t>(limit(), next_ + out.room() - wire::content_head_bytes);
         put_content(out, next_, end);
         next_ = end;
     }

@@ -4,7 +4,9 @@
 #include <ise/core/ring.hpp>
 #include <ise/transport/udp/congestion.hpp>
 #include <ise/transport/udp/outgoing_messages.hpp>
+#include <ise/transport/udp/receiver.hpp>
 
+#include <algorithm>
 #include <array>
 #include <span>
 #include <vector>
@@ -76,6 +78,8 @@ private:
 
     std::uint64_t written() const noexcept { return base_ + buffered(); }
     std::size_t buffered() const noexcept { return buffer_.size() - head_; }
+    /// Whatever the peer says that it takes, no more is kept for it unconfirmed than a receiver has room for.
+    std::uint64_t limit() const noexcept { return std::min({written(), room_, base_ + receiver::max_window}); }
     void put_content(wire::data_writer& out, std::uint64_t begin, std::uint64_t end);
     std::size_t reaching(std::uint64_t number) const noexcept;
     void on_arrived(record& which);

@@ -45,12 +45,14 @@ public:
 
     void use(std::weak_ptr<user> receiver) override { over_->use(std::move(receiver)); }
     bool show_sign() noexcept override { return over_->show_sign(); }
+    std::size_t bytes_held() const noexcept override { return over_->channel().bytes_held(); }
     std::uint64_t max_message_bytes() const noexcept override { return wire::max_datagram_message_bytes; }
     bool wanted() noexcept override { return over_->message_wanted(); }
     void put(std::uint64_t key, const wire::frame_header& header, bytes_view head,
              const shared_bytes& payload) override {
         over_->put_message(key, header, head, payload);
     }
+    void forget(std::uint64_t key) noexcept override { over_->forget_messages(key); }
 
 private:
     static task<transfer> read(std::shared_ptr<association> from, asio::mutable_buffer into) {

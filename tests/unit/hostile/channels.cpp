@@ -105,6 +105,55 @@ TEST_CASE("hostile: of messages that never become whole 32 are kept, 2 MiB of th
     at.nobody_noticed(!kept);
 }
 
+TEST_CASE(
+    "hostile: packets of subscriptions that have ended are not sent again, though their arrival was never confirmed") {
+    strait at;
+    auto fragment_of = [](const raw_datagrams::came& one) {
+        if (one.type != datagram_type::data) return false;
+        ise::wire::chunk_reader chunks(ise::bytes_view(one.body).subspan(8));
+        while (auto part_of_it = chunks.next())
+            if (part_of_it->type == chunk_type::fragment) return true;
+        return false;
+    };
+    std::size_t seen = 0;
+    auto confirm_all_but_packets = [&] {
+        at.peer.data([&](ise::wire::data_writer& to) {
+            to.put(chunk_type::probe, {});
+            for (; seen < at.peer.wire.got.size() && to.room() > 100; ++seen) {
+                const auto& one = at.peer.wire.got[seen];
+                if (one.type != datagram_type::data || fragment_of(one)) continue;
+                ise::buffer ack;
+                ack.append(ise::detail::load_little<std::uint64_t>(one.body.data()));
+                ack.append(std::uint32_t{0});
+                ack.append(std::uint32_t{1});
+                to.put(chunk_type::ack, ack.view());
+            }
+        });
+        at.go_on();
+    };
+    ise::wire::subscribe wanted;
+    wanted.service.service = pictures.name();
+    wanted.service.fingerprints = pictures.types().fingerprints;
+    const auto terms = ise::encode(wanted);
+    blob image;
+    image.content.resize(3000);
+    for (std::uint64_t id = 1; id <= 20; ++id) {
+        at.peer.say(frame_type::subscribe, id, terms);
+        confirm_all_but_packets();
+        at.images(image);
+        confirm_all_but_packets();
+        at.peer.say(frame_type::unsubscribe, id, {});
+        confirm_all_but_packets();
+    }
+    REQUIRE(at.images.subscribers() == 0);
+    CHECK(std::ranges::count_if(at.peer.wire.got, fragment_of) >= 20); // they did come
+    for (int count = 0; count < 50; ++count) confirm_all_but_packets();
+    const auto before = std::ranges::count_if(at.peer.wire.got, fragment_of);
+    for (int count = 0; count < 200; ++count) confirm_all_but_packets();
+    CHECK(std::ranges::count_if(at.peer.wire.got, fragment_of) == before);
+    at.nobody_noticed(true);
+}
+
 TEST_CASE("hostile: fragments that cannot be are as if they had not come") {
     strait at;
     const ise::bytes full(part);

@@ -1,6 +1,8 @@
 // Frames and messages that are too long, too many or never end.
 #include "harbour.hpp"
 
+#include <support/raw_datagrams.hpp>
+
 #include <list>
 
 namespace messages_test {
@@ -105,6 +107,50 @@ TEST_CASE("hostile: a host gains no memory by many sessions with unfinished mess
     CHECK(at.boat.services->sessions().size() == 5);
     INFO(at.all_warnings());
     CHECK(at.warned("unfinished messages from its host hold 1080000 bytes (unfinished_bytes)"));
+    at.others_do_not_notice();
+}
+
+TEST_CASE(
+    "hostile: whatever has come in part counts for its host, in each form and under each name (unfinished_bytes)") {
+    ise::service_options options;
+    options.session_bytes = 100'000;
+    options.accepts.max_message_bytes = 500'000;
+    REQUIRE(options.unfinished_bytes() == 1'000'000);
+    enum class form { frame, renamed, packet };
+    const auto as = GENERATE(form::frame, form::renamed, form::packet);
+    INFO(static_cast<int>(as));
+    harbour at(as == form::packet ? "udp" : "tcp", options);
+    std::list<raw_peer> peers;
+    std::list<raw_channel> channels;
+    for (std::uint32_t i = 0; i < 8; ++i) {
+        const auto name = std::to_string(i);
+        if (as == form::packet) {
+            auto& peer = channels.emplace_back(at.all, at.sea, at.channel, 77 + i);
+            peer.greet("raw" + name);
+            const ise::bytes full(1024);
+            for (std::uint32_t index = 0; index < 180; ++index) {
+                peer.fragment(0, 1 << 20, index, full);
+                if (index % 20 == 0) at.all.world.run_for(2ms);
+            }
+        } else {
+            auto& peer = peers.emplace_back(at.all, at.sea, at.channel, false);
+            peer.greet(as == form::renamed ? "x://host" + name : "raw" + name);
+            if (as == form::renamed) {
+                for (std::uint64_t id = 1; id <= 2; ++id) begin_message(peer, id, 500'000, 90'000);
+            } else {
+                ise::buffer whole;
+                ise::wire::put_frame(whole, frame_type::request, 0, 1,
+                                     [](ise::buffer& to) { to.append(ise::bytes_view(ise::bytes(200'000))); });
+                peer.say(whole.view().first(180'000));
+            }
+            peer.finish();
+        }
+        at.all.world.run_for(20ms);
+    }
+    INFO(at.all_warnings());
+    CHECK(at.boat.services->sessions().size() == 5);
+    CHECK(at.warned("unfinished messages from its host hold"));
+    CHECK(at.warned("(unfinished_bytes)"));
     at.others_do_not_notice();
 }
 

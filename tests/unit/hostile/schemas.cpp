@@ -1,5 +1,5 @@
 // Types as a hostile peer describes them.
-#include "harbour.hpp"
+#include "fleet.hpp"
 
 namespace schemas_test {
 
@@ -72,6 +72,47 @@ TEST_CASE("hostile: a schema of ten million fields, or nested too deep, is refus
     INFO(at.all_warnings());
     CHECK(at.warned(expected));
     CHECK((at.of_raw() != nullptr) == goes_on);
+    at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: schemas of questions that never get all their answers count (session_bytes)") {
+    ise::service_options options;
+    options.session_bytes = 1 << 20;
+    fleet at(either(), options);
+    INFO(at.channel);
+    raw_peer peer(at.all, at.sea, at.channel);
+    peer.greet();
+    auto large = [](std::uint64_t number) { // little text for much memory
+        auto text = "struct{f" + std::to_string(number) + ":enum:u16{";
+        for (int i = 0; i < 2000; ++i) text += "a" + std::to_string(i) + "=" + std::to_string(i) + ",";
+        text.back() = '}';
+        return ise::schema::parse(text + "}").value();
+    };
+    constexpr std::uint64_t questions = 12;
+    for (std::uint64_t id = 1; id <= questions; ++id) {
+        std::vector<ise::schema> types;
+        ise::wire::subscribe terms;
+        terms.service.service = pictures.name();
+        for (std::uint64_t place = 0; place < 4; ++place) {
+            types.push_back(large(4 * id + place));
+            terms.service.fingerprints.push_back(types.back().fingerprint());
+        }
+        terms.service.fingerprints.push_back(4711 + id); // never answered
+        peer.say(frame_type::subscribe, id, terms);
+        for (const auto& one : types) {
+            ise::wire::schema_answer answer;
+            answer.fingerprint = one.fingerprint();
+            answer.text = one.text();
+            peer.say(frame_type::schema, 0, answer);
+            peer.finish();
+        }
+        at.all.world.run_for(10ms);
+    }
+    REQUIRE(at.all.run_until([&] { return peer.count(frame_type::ended) >= questions - 4; }));
+    CHECK(peer.count(frame_type::ended) < questions);
+    CHECK(peer.why(frame_type::ended).code() == errc::overloaded);
+    CHECK_THAT(peer.why(frame_type::ended).message(), Contains("1048576 are allowed (session_bytes)"));
+    CHECK(at.of_raw());
     at.others_do_not_notice();
 }
 

@@ -2,7 +2,13 @@
 
 #include <support/catch.hpp>
 
+#include <asio/buffer.hpp>
+
 #include <chrono>
+#include <memory>
+#include <span>
+#include <string>
+#include <system_error>
 
 namespace liveness_test {
 using namespace std::chrono_literals;
@@ -67,6 +73,35 @@ TEST_CASE("who did not come round itself gives the peer one period more, as what
         if (found.lost) CHECK(now == start + 1min + 1s);
     }
     CHECK(found.lost);
+}
+
+TEST_CASE("the shortest heartbeat that is wanted is that of a peer that is there") {
+    struct quiet final : ise::stream {
+        ise::task<ise::transfer> read_some(asio::mutable_buffer) override { co_return ise::transfer{}; }
+        ise::transfer try_write(std::span<const asio::const_buffer>) override { return {}; }
+        ise::task<std::error_code> wait_writable() override { co_return std::error_code(); }
+        void shutdown_write() override {}
+        void close() override {}
+        std::string peer() const override { return {}; }
+    } line;
+    ise::net::heartbeat_senders all;
+    int told = 0;
+    all.on_shorter([&] { ++told; });
+    CHECK(all.min_heartbeat() == ise::duration::max());
+    auto usual = std::make_shared<ise::net::heartbeat_sender>(line, 1s, start);
+    auto hasty = std::make_shared<ise::net::heartbeat_sender>(line, 20ms, start);
+    all.add(usual);
+    all.add(hasty);
+    CHECK(told == 2);
+    all.show(start);
+    CHECK(all.min_heartbeat() == 20ms);
+    hasty.reset();
+    all.show(start);
+    CHECK(all.min_heartbeat() == 1s);
+    usual.reset();
+    all.show(start);
+    CHECK(all.min_heartbeat() == ise::duration::max());
+    CHECK(told == 2);
 }
 
 } // namespace liveness_test

@@ -340,6 +340,32 @@ TEST_CASE("tls: files that cannot be used are named, with what is wrong") {
     CHECK_THAT(wrong(), Contains("tls/ca.pem cannot be used") || Contains("tls/key.pem"));
 }
 
+TEST_CASE("tls: files that cannot be used are read again at their time, however many sessions are refused meanwhile") {
+    using ise::net::tls::identity;
+    ise::sim::world world;
+    auto& host = world.host("boat");
+    auto& env = host.start_process("boat");
+    auto give = [&](const std::string& authorities) { host.write_file("tls/ca.pem", authorities); };
+    give(trusted().certificate());
+    for (const char* file : {"certificate.pem", "key.pem"})
+        host.write_file(std::string("tls/") + file, read_all(usual() / file));
+    auto with = identity::load(env, "tls").value();
+    give("");
+    world.run_for(identity::reread_after);
+    auto refused = with->context(env);
+    REQUIRE_FALSE(refused);
+    CHECK_THAT(refused.error().message(), Contains("tls/ca.pem cannot be used"));
+    give(trusted().certificate());
+    world.run_for(identity::reread_after - 1ms);
+    auto unread = with->context(env);
+    REQUIRE_FALSE(unread);
+    CHECK(unread.error().message() == refused.error().message());
+    CHECK_FALSE(with->revoked(env, {}));
+    CHECK_FALSE(with->context(env));
+    world.run_for(1ms);
+    CHECK(with->context(env));
+}
+
 TEST_CASE("tls: the connection is cut at every byte of the handshakes, and nothing hangs") {
     auto which = GENERATE(ise::sim::direction::to_server, ise::sim::direction::to_client);
     std::uint64_t cuts_seen = 0;

@@ -105,6 +105,45 @@ TEST_CASE("the latest message of each key gets there, older ones once at most, s
     }
 }
 
+TEST_CASE("messages of a subscription that has ended do not leave, do not come again and hold up nobody") {
+    channel_pair pair;
+    auto& messages = pair.a.channel.out().messages();
+    SECTION("big ones, one behind the other") {
+        for (auto fill : {std::uint8_t{1}, std::uint8_t{2}}) put_message(pair.a.channel, 1, 1 << 20, fill);
+        CHECK_FALSE(messages.wanted());
+    }
+    SECTION("small ones") {
+        for (auto fill : {std::uint8_t{1}, std::uint8_t{2}}) put_message(pair.a.channel, 1, 1000, fill);
+        CHECK_FALSE(messages.wanted());
+    }
+    SECTION("one that was lost") {
+        pair.way.loss = 1;
+        put_message(pair.a.channel, 1, 5000, 1);
+        REQUIRE(pair.run_until([&] { return messages.empty(); }));
+        pair.way.loss = 0;
+    }
+    messages.forget(1);
+    CHECK(messages.wanted());
+    CHECK(messages.empty());
+    CHECK(messages.unconfirmed() == 0);
+    put_message(pair.a.channel, 2, 100, 9);
+    CHECK_FALSE(pair.run_until([&] { return pair.b.messages.size() > 1; }, 1min));
+    CHECK(last_fill(pair.b) == 9);
+}
+
+TEST_CASE("messages of one subscription leave in order, and each once, where nothing is lost") {
+    channel_pair pair;
+    for (std::uint8_t fill = 1; fill <= 5; ++fill) put_message(pair.a.channel, 1, 3000, fill);
+    put_message(pair.a.channel, 2, 100, 9);
+    REQUIRE(pair.run_until([&] { return pair.b.messages.size() == 6; }));
+    CHECK(last_fill(pair.b) == 5);
+    std::string fills;
+    for (const auto& message : pair.b.messages) fills += std::to_string(static_cast<int>(message.back()));
+    CHECK(fills.find('9') < 3); // the other one does not wait for all of them
+    std::erase(fills, '9');
+    CHECK(fills == "12345");
+}
+
 TEST_CASE("the largest message passes a way that loses a twentieth") {
     channel_pair pair(2, {0.05, 0, 0.05});
     put_message(pair.a.channel, 1, ise::wire::max_datagram_message_bytes, 9);
@@ -143,6 +182,40 @@ TEST_CASE("a slow way gets no more than it carries for long, and no flood") {
         return pair.b.stream.size() == content.size();
     });
     CHECK(most <= ise::net::udp::congestion::max_window);
+}
+
+TEST_CASE("to a peer that allows everything and never confirms one datagram a bounded part of the stream is sent") {
+    using namespace ise::net::udp;
+    channel sending(1);
+    ise::time_point now{1s};
+    sending.out().on_room(~std::uint64_t{0});
+    const ise::bytes content(sender::max_unsent);
+    std::size_t written = 0;
+    auto send = [&](bool first_byte_arrives) {
+        ise::buffer out;
+        for (int round = 0; round < 2000; ++round, now += 1ms) {
+            while (sending.out().writable()) written += sending.out().write(content);
+            acknowledgement confirmed;
+            for (out.clear(); sending.next(out, now); out.clear()) {
+                auto made = ise::wire::read_datagram(out.view());
+                REQUIRE(made);
+                auto number = ise::detail::load_little<std::uint64_t>(made->body.data());
+                bool first = false;
+                ise::wire::chunk_reader chunks(made->body.subspan(8));
+                while (auto one = chunks.next())
+                    first = first || (one->type == ise::wire::chunk_type::content &&
+                                      ise::detail::load_little<std::uint64_t>(one->content.data()) == 0);
+                if (first_byte_arrives || !first)
+                    confirmed.runs.insert(confirmed.runs.begin(), {number, number + 1}); // the highest first
+            }
+            if (!confirmed.runs.empty()) REQUIRE(sending.out().on_ack(confirmed, now));
+            if (sending.due(now) <= now) sending.on_timer(now);
+        }
+    };
+    send(false);
+    CHECK(written == receiver::max_window + sender::max_unsent);
+    send(true);
+    CHECK(written > 1'000'000); // and then it goes on
 }
 
 TEST_CASE("a datagram that came counts once") {

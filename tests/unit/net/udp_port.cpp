@@ -68,4 +68,46 @@ TEST_CASE("channels that were left and whose peers hear nothing are few, and gon
     at->close();
 }
 
+TEST_CASE("a channel that its peer has closed does not forget the one that was opened in its place") {
+    ise::sim::world world;
+    auto host = world.host("boat").start_process("boat").make_loop("main");
+    auto& on = host->loop();
+    auto socket = std::make_unique<remembering_socket>();
+    auto& wire = *socket;
+    auto at = std::make_shared<port>(on, std::move(socket), true);
+    ise::datagram came;
+    came.peer = ise::endpoint::parse("udp://10.0.0.9:4000").value();
+    auto say = [&](const ise::buffer& out) {
+        came.content = out.to_bytes();
+        ise::loop::turn in(on);
+        at->take(came);
+        return ise::wire::read_datagram(wire.last).value();
+    };
+    auto say_open = [&](const ise::wire::cookie& shown) {
+        ise::buffer out;
+        ise::wire::put_opening(out, 5, shown);
+        return say(out);
+    };
+    ise::wire::cookie given;
+    std::memcpy(given.data(), say_open({}).body.data(), given.size());
+    say_open(given);
+    auto first = at->accepted();
+    REQUIRE(first);
+    ise::buffer closed;
+    ise::wire::put_datagram(closed, ise::wire::datagram_type::closed, first->id());
+    say(closed);
+    REQUIRE(at->associations() == 0);
+    say_open(given);
+    auto second = at->accepted();
+    REQUIRE(second);
+    {
+        ise::loop::turn in(on);
+        first->leave();
+    }
+    // The answer was lost, and it is asked for again.
+    CHECK(ise::detail::load_little<std::uint64_t>(say_open(given).body.data()) == second->id());
+    CHECK(at->associations() == 1);
+    at->close();
+}
+
 } // namespace udp_port_test

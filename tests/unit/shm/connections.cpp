@@ -22,8 +22,10 @@
 #include <linux/audit.h>
 #include <linux/filter.h>
 #include <linux/seccomp.h>
+#include <linux/sockios.h>
 #include <signal.h>
 #include <sys/eventfd.h>
+#include <sys/ioctl.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
@@ -445,6 +447,29 @@ TEST_CASE("whatever the system refuses while two agree, they go on over the sock
     REQUIRE(code == 0);
     REQUIRE(WIFEXITED(of_server));
     REQUIRE(other == 0);
+}
+
+TEST_CASE("descriptors that come with each byte of an offer are not collected, and of another user none", "[shm]") {
+    const bool kindred = GENERATE(true, false);
+    // How many of them are held in the middle of the agreement; in a child, from which the peer's user can be hidden.
+    const auto child = fork_child([&] {
+        harbour at;
+        if (!kindred) deny(SYS_getsockopt, 2, SO_PEERCRED);
+        const auto before = open_descriptors();
+        stranger other(at.name);
+        const auto any = bell();
+        const auto whole = offer(ring_bytes);
+        for (std::size_t place = 0; place + 1 < whole.size(); ++place)
+            other.send(whole.substr(place, 1), std::vector<int>(8, any.get()));
+        int unread = 1;
+        at.all.run_until([&] { return ::ioctl(other.line.get(), SIOCOUTQ, &unread) == 0 && unread == 0; });
+        return static_cast<int>(open_descriptors() - before - 3); // without both ends and `any`
+    });
+    int status = -1;
+    REQUIRE(::waitpid(child, &status, 0) == child);
+    REQUIRE(WIFEXITED(status));
+    if (!kindred && WEXITSTATUS(status) == 77) return ise_test::skip("this system has no seccomp filters");
+    CHECK(WEXITSTATUS(status) == (kindred ? 8 : 0));
 }
 
 TEST_CASE("a name that is too long for its socket is refused", "[shm]") {
