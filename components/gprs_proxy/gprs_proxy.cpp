@@ -298,7 +298,8 @@ void gprs_proxy::on_record(const gprs::record_came& came) {
 
 void gprs_proxy::on_outcome(const gprs::outcome& result) {
     auto& l = *link_;
-    acknowledgement ack;
+    auto& tracker = l.commands.tracker();
+    bool answered = false;
     if (!result.raw.empty() || l.seal) {
         auto raw = opened(result.raw);
         if (!raw || raw->empty()) return;
@@ -307,13 +308,11 @@ void gprs_proxy::on_outcome(const gprs::outcome& result) {
             ++l.counts.malformed;
             return;
         }
-        ack = std::move(*whole);
-    } else if (const auto* known = l.commands.tracker().find(result.id)) { // a boat of few words
-        ack.id = result.id;
-        ack.kind = known->command.kind();
-        ack.code = static_cast<ack_code>(result.code);
+        answered = tracker.on_acknowledgement(l.commands.now(), *whole);
+    } else { // a boat of few words
+        answered = tracker.on_result(l.commands.now(), result.id, static_cast<ack_code>(result.code));
     }
-    if (l.commands.tracker().on_acknowledgement(l.commands.now(), ack)) ++l.counts.telecommands_acknowledged;
+    if (answered) ++l.counts.telecommands_acknowledged;
 }
 
 /// Has what came kept, and then acknowledged.
