@@ -193,7 +193,7 @@ void telecommand_tracker::on_delivered(tracker_time at) {
     tracked_telecommand* oldest = nullptr;
     for (auto id : table_.open()) {
         auto& e = table_.at(id);
-        if (e.stage == link_stage::at_gateway && (!oldest || e.changed_at < oldest->changed_at)) oldest = &e;
+        if (e.stage == link_stage::at_gateway && (!oldest || e.next_try < oldest->next_try)) oldest = &e; // as given
     }
     if (oldest) change(*oldest, at, link_stage::delivered, "delivered to the boat's modem");
 }

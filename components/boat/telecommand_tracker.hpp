@@ -73,7 +73,7 @@ struct tracker_time {
     ise::time_point now{};
     utc_time wall{};
 };
-/// For a tracker whose telecommands outlive the process: all of it is civil time.
+/// For a tracker whose telecommands outlive the process: both are civil time.
 constexpr tracker_time civil_tracker_time(utc_time at) noexcept { return {ise::time_point(at.time_since_epoch()), at}; }
 /// A time of such a tracker, as civil time.
 constexpr utc_time civil_time_of(ise::time_point at) noexcept {
