@@ -15,10 +15,11 @@ const boat_clock::reading* boat_clock::find(std::uint16_t boot) const {
 
 void boat_clock::heard(ise::time_point now, const packet_header& packet, bool current) {
     if (packet.boot == beacon_boot) return; // of the second controller, whose clock judges nothing
-    auto ahead = std::chrono::duration_cast<ise::duration>(packet.measured_at.time_since_epoch()) -
-                 std::chrono::duration_cast<ise::duration>(now.time_since_epoch());
+    auto measured = std::chrono::duration_cast<ise::duration>(packet.measured_at.time_since_epoch());
+    auto ahead = measured - std::chrono::duration_cast<ise::duration>(now.time_since_epoch());
     auto known = std::ranges::find(readings_, packet.boot, &reading::boot);
     if (known == readings_.end()) {
+        if (!current && !readings_.empty() && measured <= readings_.front().shown()) return;
         reading made;
         made.boot = packet.boot;
         made.ahead = ahead;

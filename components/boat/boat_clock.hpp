@@ -26,7 +26,8 @@ public:
     static constexpr std::chrono::milliseconds max_ahead{1000};
 
     /// The time of a packet that came `now`. `current`: it was certainly made a moment ago, as an answer is, and so its
-    /// boot is the boat's present one; else one that was never heard before is.
+    /// boot is the boat's present one. Else one that was never heard before is, but for late packets of a former boot:
+    /// they were measured before those of the present one.
     void heard(ise::time_point now, const packet_header& packet, bool current);
     /// The boat could not judge a time in UTC, or found it late: from now on it gets times by its own clock.
     void distrust(std::uint16_t boot);
@@ -48,6 +49,7 @@ private:
         ise::time_point at{};
         bool distrusted = false;
         ise::duration ahead_at(ise::time_point now) const;
+        ise::duration shown() const { return at.time_since_epoch() + ahead; } // by the boat's clock, then
     };
     const reading* find(std::uint16_t boot) const;
 

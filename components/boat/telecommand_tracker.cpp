@@ -193,7 +193,7 @@ void telecommand_tracker::on_delivered(tracker_time at) {
     tracked_telecommand* oldest = nullptr;
     for (auto id : table_.open()) {
         auto& e = table_.at(id);
-        if (e.stage == link_stage::at_gateway && (!oldest || e.changed_at < oldest->changed_at)) oldest = &e;
+        if (e.stage == link_stage::at_gateway && (!oldest || e.next_try < oldest->next_try)) oldest = &e; // as given
     }
     if (oldest) change(*oldest, at, link_stage::delivered, "delivered to the boat's modem");
 }
@@ -206,9 +206,23 @@ void telecommand_tracker::on_gateway_word(tracker_time at, std::uint32_t id, boo
 }
 
 bool telecommand_tracker::on_acknowledgement(tracker_time at, const acknowledgement& ack) {
+    return answer(at, ack, true);
+}
+
+bool telecommand_tracker::on_result(tracker_time at, std::uint32_t id, ack_code code) {
+    const auto* e = table_.find(id);
+    if (!e) return false;
+    acknowledgement ack;
+    ack.id = id;
+    ack.kind = e->command.kind();
+    ack.code = code;
+    return answer(at, ack, false);
+}
+
+bool telecommand_tracker::answer(tracker_time at, const acknowledgement& ack, bool is_packet) {
     auto* e = table_.find(ack.id);
     if (!e || e->stage == link_stage::acknowledged || !is_answer(ack, e->command.kind(), e->authority)) return false;
-    clock_.heard(at.now, ack.header, true);
+    if (is_packet) clock_.heard(at.now, ack.header, true);
     bool late = ack.code == ack_code::expired;
     if (late && !is_final(e->stage) && e->expires_at > at.now && e->called_late < max_called_late) {
         ++e->called_late;
@@ -220,8 +234,9 @@ bool telecommand_tracker::on_acknowledgement(tracker_time at, const acknowledgem
         return true;
     }
     e->result = ack.code;
-    if (!late && ack.code != ack_code::no_authority) e->executed_at = clock_.shore_time(at.now, at.wall, ack.header);
-    if (traits_of(ack.kind).returns_value) e->value = ack.value;
+    bool executed = !late && ack.code != ack_code::no_authority;
+    if (is_packet && executed) e->executed_at = clock_.shore_time(at.now, at.wall, ack.header);
+    if (is_packet && traits_of(ack.kind).returns_value) e->value = ack.value;
     e->boat_obeys = ack.authority;
     change(*e, at, link_stage::acknowledged, ack.text);
     return true;

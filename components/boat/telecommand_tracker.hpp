@@ -73,7 +73,7 @@ struct tracker_time {
     ise::time_point now{};
     utc_time wall{};
 };
-/// For a tracker whose telecommands outlive the process: all of it is civil time.
+/// For a tracker whose telecommands outlive the process: both are civil time.
 constexpr tracker_time civil_tracker_time(utc_time at) noexcept { return {ise::time_point(at.time_since_epoch()), at}; }
 /// A time of such a tracker, as civil time.
 constexpr utc_time civil_time_of(ise::time_point at) noexcept {
@@ -126,6 +126,8 @@ public:
     /// False if nobody waits for it, or it is no answer (`is_answer`). Where the boat finds late what is not, its clock
     /// is wrong: it is sent again by that clock, a few times.
     bool on_acknowledgement(tracker_time at, const acknowledgement& ack);
+    /// The same, of an answer that is no packet: it brings neither a time nor a value, and names no epoch.
+    bool on_result(tracker_time at, std::uint32_t id, ack_code code);
     /// The way to the boat is open (again): what waits for an answer is due now.
     void on_link_up(tracker_time at);
     /// The boat has answered elsewhere: it is not sent any more. False where nothing can be called back: it is not
@@ -147,6 +149,7 @@ public:
 
 private:
     void change(tracked_telecommand& e, tracker_time at, link_stage stage, std::string text);
+    bool answer(tracker_time at, const acknowledgement& ack, bool is_packet);
     void give_up(tracked_telecommand& e, tracker_time at, const std::string& why);
     bool may_be_sent(const tracked_telecommand& e) const;
     bool link_is_taken() const;

@@ -11,6 +11,8 @@
 namespace atirma::simulator {
 
 static constexpr double step_ms = 100;
+// A shore clock that is synchronized is closer to UTC, and the shortest default validity is 30 s.
+static constexpr std::chrono::seconds max_sent_ahead{10};
 
 ise::result<acknowledgement> simulated_boat::on_packet(link_id link, ise::bytes_view raw) {
     if (starting()) return ise::failure(ise::errc::not_connected, "the boat is starting");
@@ -41,6 +43,9 @@ std::string simulated_boat::lateness(const telecommand& command) const {
     // The clock shows the last step of the model; the present is in the one that follows.
     auto step = std::chrono::milliseconds(std::llround(std::ceil(step_ms * options_.clock_rate)));
     auto now = clock_now() + step, until = command.sent_at + *command.valid_for;
+    // Of a shore whose clock is wrong: the validity would end later than it was given for.
+    if (command.clock_of == 0 && command.sent_at > now + max_sent_ahead)
+        return fmt::format("was sent at {}, it is {}", utc_text(command.sent_at), utc_text(now));
     if (now <= until) return {};
     return fmt::format("was valid until {}, it is {}", utc_text(until), utc_text(now));
 }

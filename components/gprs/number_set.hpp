@@ -20,6 +20,7 @@ public:
         there_.add(at, at + 1);
         return true;
     }
+    void remove(std::uint32_t number) { there_.remove(number, std::uint64_t{number} + 1); }
     bool contains(std::uint32_t number) const { return there_.contains(number); }
     /// All up to this one are there.
     std::uint32_t complete() const noexcept { return static_cast<std::uint32_t>(there_.all().front().second - 1); }

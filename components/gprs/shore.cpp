@@ -191,11 +191,17 @@ void shore::take_record(record&& result) {
 
 void shore::safe(std::uint64_t life_id, const std::vector<std::uint32_t>& numbers) {
     unsafe_ -= std::min(unsafe_, numbers.size());
-    auto of = std::find_if(lives_.begin(), lives_.end(), [&](const life& l) { return l.id == life_id; });
-    if (of == lives_.end()) return; // that is over
+    auto* of = life_by(life_id);
+    if (!of) return; // that is over
     for (auto number : numbers) of->safe.add(number);
     if (of->token == token_) owed_.insert(of->boot);
     acknowledge();
+}
+
+void shore::refused(std::uint64_t life_id, std::uint32_t number) {
+    unsafe_ -= std::min<std::size_t>(unsafe_, 1);
+    auto* of = life_by(life_id);
+    if (of && !of->safe.contains(number)) of->received.remove(number); // else the boat has given it up meanwhile
 }
 
 void shore::acknowledge() {
@@ -290,6 +296,11 @@ shore::life& shore::life_of(std::uint16_t boot) {
     made.token = token_;
     start_afresh(made);
     return made;
+}
+
+shore::life* shore::life_by(std::uint64_t id) {
+    auto found = std::find_if(lives_.begin(), lives_.end(), [&](const life& l) { return l.id == id; });
+    return found == lives_.end() ? nullptr : &*found;
 }
 
 void shore::start_afresh(life& of) {

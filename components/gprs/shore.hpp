@@ -60,7 +60,8 @@ struct boat_came {
 struct boat_went {
     std::string reason;
 };
-/// A record that came for the first time. It is acknowledged once `safe` was told of it.
+/// A record that came for the first time. It is acknowledged once `safe` was told of it; after `refused` it comes
+/// again.
 struct record_came {
     std::uint64_t life = 0; ///< of the boat's numbering, for `safe`
     std::uint32_t number = 0;
@@ -108,6 +109,8 @@ public:
     void on_datagram(ise::time_point now, const way& by, ise::bytes_view content);
     /// These numbers of a life may be acknowledged.
     void safe(std::uint64_t life, const std::vector<std::uint32_t>& numbers);
+    /// That one cannot be read here: it is as if it had not come.
+    void refused(std::uint64_t life, std::uint32_t number);
     /// False, and nothing was sent, where the boat is not there.
     bool send(const order& what);
     void on_time(ise::time_point now);
@@ -143,6 +146,7 @@ private:
     };
 
     life& life_of(std::uint16_t boot);
+    life* life_by(std::uint64_t id);
     const life* known(std::uint16_t boot) const;
     void take(ise::time_point now, const ise::result<line>& got);
     void take_login(const login& outcome);

@@ -34,19 +34,19 @@ void uplink::put(ise::bytes raw) {
         auto ack = parse_acknowledgement(raw);
         if (!ack) return;
         if (outcomes_.size() >= max_outcomes) outcomes_.pop_front(); // the shore asks again
-        outcomes_.push_back(outcome{ack->id, static_cast<std::uint8_t>(ack->code),
-                                    options_.seal ? options_.seal(std::move(raw)) : std::move(raw)});
+        outcomes_.push_back(outcome{ack->id, static_cast<std::uint8_t>(ack->code), std::move(raw)});
         return;
     }
     auto message = parse_telemetry(raw);
     if (!message) return; // the boat makes no such packet
-    put_sealed(options_.seal ? options_.seal(std::move(raw)) : std::move(raw));
-    ring_.back().unix_s =
+    keep(std::move(raw)).unix_s =
         std::chrono::duration_cast<std::chrono::seconds>(message->header.measured_at.time_since_epoch()).count();
     if (std::holds_alternative<location>(message->body)) fix_ = last_number();
 }
 
-void uplink::put_sealed(ise::bytes raw) {
+void uplink::put_sealed(ise::bytes raw) { keep(std::move(raw)).sealed = true; }
+
+uplink::kept& uplink::keep(ise::bytes raw) {
     if (ring_.size() >= options_.capacity) {
         forget_first();
         ++counters_.dropped;
@@ -54,6 +54,7 @@ void uplink::put_sealed(ise::bytes raw) {
     }
     auto& made = ring_.emplace_back();
     made.raw = std::move(raw);
+    return made;
 }
 
 void uplink::opened(ise::time_point now) {
@@ -201,6 +202,7 @@ std::string uplink::take_text(ise::time_point now) {
     // A datagram that overtakes the login would be a stranger's.
     if (options_.datagrams && !answered_ && text.empty() && (answer || number)) text = login_text(now);
     if (answer) {
+        outcomes_.front().raw = sealed(std::move(outcomes_.front().raw));
         text += encode(outcomes_.front());
         outcomes_.pop_front();
         said_at_ = now;
@@ -241,7 +243,7 @@ std::string uplink::record_text(ise::time_point now, std::uint32_t number) {
     result.number = number;
     result.unix_s = packet.unix_s;
     result.history = number != fix_ && (again || number <= old_);
-    result.raw = packet.raw;
+    result.raw = packet.sealed ? packet.raw : sealed(packet.raw);
     if (!again && number <= old_) ++old_under_way_;
     asked_again_ = asked_again_ || again;
     ++(packet.sent_in != 0 ? counters_.resent : counters_.sent);

@@ -9,8 +9,10 @@
 namespace atirma::gprs {
 
 struct uplink_options {
-    std::string id = "atirma";                      ///< how the boat calls itself
-    std::function<ise::bytes(ise::bytes)> seal;     ///< of what goes to the shore; empty: it goes as it is
+    std::string id = "atirma"; ///< how the boat calls itself
+    /// Of what goes to the shore, each time that it goes: the key may change while a packet waits. Empty: it goes as it
+    /// is.
+    std::function<ise::bytes(ise::bytes)> seal;
     std::uint64_t token = 0;                        ///< of this start of the program, drawn at random
     bool datagrams = false;                         ///< the way may lose and reorder, and its address may change
     std::size_t capacity = 8192;                    ///< packets without acknowledgement; beyond, the oldest is given up
@@ -45,7 +47,7 @@ public:
 
     /// A packet of the boat: telemetry is numbered and kept, an acknowledgement of a telecommand goes as its outcome.
     void put(ise::bytes raw);
-    /// A notice about the seal, sealed: kept and sent as telemetry is.
+    /// A notice about the seal, sealed: kept and sent as telemetry is, under the key that it is about.
     void put_sealed(ise::bytes raw);
 
     void opened(ise::time_point now);
@@ -72,11 +74,13 @@ public:
 private:
     struct kept {
         ise::bytes raw;
+        bool sealed = false; // already; else it is sealed when it is sent
         std::int64_t unix_s = 0;
         std::uint64_t sent_in = 0; // session, 0 for none
         ise::time_point sent_at{};
     };
 
+    kept& keep(ise::bytes raw);
     kept& at(std::uint32_t number) { return ring_[number - first_]; }
     bool holds(std::uint32_t number) const noexcept { return number >= first_ && number - first_ < ring_.size(); }
     bool under_way(const kept& packet) const noexcept { return packet.sent_in == session_; }
@@ -89,6 +93,7 @@ private:
     void on_receipt(ise::time_point now, const receipt& result);
     std::optional<std::uint32_t> choose();
     std::string login_text(ise::time_point now);
+    ise::bytes sealed(ise::bytes raw) const { return options_.seal ? options_.seal(std::move(raw)) : raw; }
     std::string record_text(ise::time_point now, std::uint32_t number);
     ise::duration patience() const;
     ise::duration resend_after() const;

@@ -232,9 +232,11 @@ void gprs_proxy::handle(const gprs::shore_event& event) {
     }
 }
 
-/// Nothing: not of the boat, or about the seal only.
-std::optional<ise::bytes> gprs_proxy::opened(const ise::bytes& raw) {
+/// Empty: it is about the seal only.
+ise::result<ise::bytes> gprs_proxy::open(const ise::bytes& raw) {
     auto& l = *link_;
+    if (!l.seal && seal::is_sealed(raw))
+        return ise::failure(ise::errc::refused, "the packet is sealed, and there is no key (set radio-key)");
     if (!l.seal) return raw;
     auto got = l.seal->open(raw);
     if (auto question = l.seal->take_question(); !question.empty()) {
@@ -242,24 +244,30 @@ std::optional<ise::bytes> gprs_proxy::opened(const ise::bytes& raw) {
         result.raw = std::move(question);
         l.shore.send(result); // if the boat has gone, its next notice is answered
     }
-    if (!got) {
-        ++l.counts.malformed;
-        if (auto left_out = l.strangers.admit(now()))
-            log().warning("a packet was dropped",
-                          {{"cause", got.error().message()}, {"not_told_before", std::to_string(*left_out)}});
-        return std::nullopt;
-    }
-    if (got->empty()) return std::nullopt;
-    return std::move(*got);
+    return got;
+}
+
+/// Nothing: it cannot be read here.
+std::optional<ise::bytes> gprs_proxy::opened(const ise::bytes& raw) {
+    auto& l = *link_;
+    auto got = open(raw);
+    if (got) return std::move(*got);
+    ++l.counts.malformed;
+    if (auto left_out = l.strangers.admit(now()))
+        log().warning("a packet was dropped",
+                      {{"cause", got.error().message()}, {"not_told_before", std::to_string(*left_out)}});
+    return std::nullopt;
 }
 
 void gprs_proxy::on_record(const gprs::record_came& came) {
     auto& l = *link_;
+    auto raw = opened(came.raw);
+    // Another key may open it; but a notice is worth nothing without the key that it is about.
+    if (!raw && !seal::is_notice(came.raw)) return l.shore.refused(came.life, came.number);
     // Whatever it is, the boat need not send it again.
     l.numbers[came.life].push_back(came.number);
     l.more.resume({});
-    auto raw = opened(came.raw);
-    if (!raw) return;
+    if (!raw || raw->empty()) return;
     auto message = parse_telemetry(*raw);
     if (!message) {
         ++l.counts.malformed;
@@ -290,22 +298,21 @@ void gprs_proxy::on_record(const gprs::record_came& came) {
 
 void gprs_proxy::on_outcome(const gprs::outcome& result) {
     auto& l = *link_;
-    acknowledgement ack;
+    auto& tracker = l.commands.tracker();
+    bool answered = false;
     if (!result.raw.empty() || l.seal) {
         auto raw = opened(result.raw);
-        if (!raw) return;
+        if (!raw || raw->empty()) return;
         auto whole = parse_acknowledgement(*raw);
         if (!whole || whole->id != result.id) {
             ++l.counts.malformed;
             return;
         }
-        ack = std::move(*whole);
-    } else if (const auto* known = l.commands.tracker().find(result.id)) { // a boat of few words
-        ack.id = result.id;
-        ack.kind = known->command.kind();
-        ack.code = static_cast<ack_code>(result.code);
+        answered = tracker.on_acknowledgement(l.commands.now(), *whole);
+    } else { // a boat of few words
+        answered = tracker.on_result(l.commands.now(), result.id, static_cast<ack_code>(result.code));
     }
-    if (l.commands.tracker().on_acknowledgement(l.commands.now(), ack)) ++l.counts.telecommands_acknowledged;
+    if (answered) ++l.counts.telecommands_acknowledged;
 }
 
 /// Has what came kept, and then acknowledged.

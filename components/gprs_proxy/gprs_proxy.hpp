@@ -53,6 +53,7 @@ private:
     void act();
     void handle(const gprs::shore_event& event);
     std::optional<ise::bytes> opened(const ise::bytes& raw);
+    ise::result<ise::bytes> open(const ise::bytes& raw);
     void on_record(const gprs::record_came& came);
     void on_outcome(const gprs::outcome& result);
     ise::task<> keep();

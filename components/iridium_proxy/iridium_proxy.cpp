@@ -25,7 +25,8 @@ iridium_proxy::~iridium_proxy() = default;
 utc_time iridium_proxy::clock() const { return std::chrono::floor<std::chrono::milliseconds>(wall()); }
 
 /// Civil time that the steady clock never overtakes, also over a restart: where the clock is set back no telecommand
-/// lives longer by that.
+/// lives longer by that. It stays ahead where the clock was ahead once, so it measures only: boat and people are told
+/// `clock()`.
 utc_time iridium_proxy::queue_clock() {
     auto steady = std::chrono::floor<std::chrono::milliseconds>(now().time_since_epoch());
     auto& ahead = state_->clock_ahead;
@@ -106,7 +107,11 @@ ise::task<> iridium_proxy::run() {
         seal::shore_link::open_for(*this, options_.radio_key_file, link_id::iridium, options_.radio_secondary);
     auto& s = *state_;
     s.clock_ahead = s.store.clock_ahead().value();
-    s.commands.clock = [this] { return civil_tracker_time(queue_clock()); };
+    s.commands.clock = [this] {
+        auto at = civil_tracker_time(queue_clock());
+        at.wall = clock();
+        return at;
+    };
     s.commands.keep = [this](const tracked_telecommand& entry) { return keep_on_disk(entry); };
     s.commands.give = [this] {
         state_->wake_sender.resume({});
@@ -228,7 +233,7 @@ iridium_account iridium_proxy::account() {
         one.attempts = entry->attempts;
         one.reference = entry->reference;
         one.text = entry->text;
-        one.expires_at = civil_time_of(entry->expires_at);
+        one.expires_at = at + (civil_time_of(entry->expires_at) - civil_time_of(s.commands.now().now));
         outcome.queue.push_back(std::move(one));
     }
     if (auto waiting = s.store.count_unpublished()) outcome.waiting_for_subscriber = *waiting;

@@ -21,15 +21,14 @@ std::uint64_t credits_of(std::size_t bytes, std::uint32_t bytes_per_credit) noex
     return std::max<std::uint64_t>(1, (bytes + each - 1) / each);
 }
 
-std::optional<telecommand_tracker::due> next_within_budget(telecommand_tracker& of, utc_time now,
+std::optional<telecommand_tracker::due> next_within_budget(telecommand_tracker& of, tracker_time at,
                                                            const link_budget& budget, std::uint32_t bytes_per_credit) {
-    auto at = civil_tracker_time(now);
     const auto* first = of.first_due(at);
     if (!first) return std::nullopt;
     auto bytes = of.encoded(*first, at).size();
-    auto end = end_of_budget(budget, credits_of(bytes, bytes_per_credit), now);
+    auto end = end_of_budget(budget, credits_of(bytes, bytes_per_credit), at.wall);
     if (!end) return of.next_due(at);
-    of.hold(at, civil_tracker_time(end->until).now, end->text);
+    of.hold(at, ise::saturating_add(at.now, end->until - at.wall), end->text);
     return std::nullopt;
 }
 

@@ -13,7 +13,7 @@ std::uint64_t credits_of(std::size_t bytes, std::uint32_t bytes_per_credit) noex
 
 /// What is to be given to the gateway now. Nothing if the budget, in credits, does not suffice: it waits for the
 /// next day or month (UTC) then, and those behind it, too.
-std::optional<telecommand_tracker::due> next_within_budget(telecommand_tracker& of, utc_time now,
+std::optional<telecommand_tracker::due> next_within_budget(telecommand_tracker& of, tracker_time at,
                                                            const link_budget& budget, std::uint32_t bytes_per_credit);
 
 } // namespace atirma

@@ -38,7 +38,7 @@ ise::task<> iridium_proxy::send_all() {
     auto& tracker = s.commands.tracker();
     for (;;) {
         auto at = clock();
-        auto due = next_within_budget(tracker, queue_clock(), budget(), options_.bytes_per_credit);
+        auto due = next_within_budget(tracker, s.commands.now(), budget(), options_.bytes_per_credit);
         s.commands.work();
         if (!due) {
             co_await s.wake_sender.wait(); // throws when it is cancelled

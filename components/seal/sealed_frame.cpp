@@ -97,6 +97,10 @@ std::uint8_t epoch_of(ise::bytes_view raw) noexcept {
     return raw.empty() ? std::uint8_t{0} : static_cast<std::uint8_t>(std::to_integer<std::uint8_t>(raw[0]) & max_epoch);
 }
 
+bool is_notice(ise::bytes_view raw) noexcept {
+    return is_sealed(raw) && raw.size() > 1 && raw[1] == static_cast<std::byte>(notice_type);
+}
+
 ise::bytes seal_to_boat(const radio_key& key, session of, const to_boat_frame& frame) {
     ise::bytes out{first_byte(key, frame.lane == lane::secondary), static_cast<std::byte>(frame.type)};
     for (std::size_t i = 0; i < counter_size; ++i)

@@ -41,6 +41,8 @@ std::string fingerprint(const radio_key& key);
 bool is_sealed(ise::bytes_view raw) noexcept;
 /// Of the key of a sealed packet.
 std::uint8_t epoch_of(ise::bytes_view raw) noexcept;
+/// Whether a sealed packet of the boat is a notice, which is about one key only. Its tag is not looked at.
+bool is_notice(ise::bytes_view raw) noexcept;
 
 /// A packet to the boat: `counter` differs for each one of a session and lane. The content is encrypted.
 struct to_boat_frame {

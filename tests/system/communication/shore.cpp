@@ -7,15 +7,19 @@
 namespace communication_test {
 namespace {
 
-simulator::boat_options at_anchor() {
+constexpr int clock_rate = 10; // the model is of no interest
+
+simulator::boat_options at_anchor(utc_time begin) {
     simulator::boat_options options;
+    options.epoch = begin;
+    options.clock_rate = clock_rate;
     options.start = waypoint{28.155, -15.45};
     return options;
 }
 
 } // namespace
 
-boat_at_sea::boat_at_sea() : boat(at_anchor(), simulator::constant_wind({6, 40})) {}
+boat_at_sea::boat_at_sea(utc_time at) : begin(at), boat(at_anchor(at), simulator::constant_wind({6, 40})) {}
 
 telemetry_packet boat_at_sea::make(link_id over_link, utc_time at) {
     packet_header header;
@@ -35,7 +39,8 @@ telemetry_packet boat_at_sea::make(link_id over_link, utc_time at) {
     return made;
 }
 
-acknowledgement boat_at_sea::execute(ise::bytes_view raw, link_id from) {
+acknowledgement boat_at_sea::execute(ise::bytes_view raw, link_id from, utc_time now) {
+    boat.advance((now - begin) / clock_rate);
     auto parsed = parse_telecommand(raw).value();
     ++over(from).commands;
     auto before = boat.pilot().revision();
@@ -85,7 +90,7 @@ void scripted_proxy::pass() {
         tracker_.on_outcome(at_now(), due->id,
                             link.up ? make_outcome(kind::delivered, "")
                                     : make_outcome(kind::later, "the boat is out of range"));
-        if (link.up) tracker_.on_acknowledgement(at_now(), boat_.execute(due->raw, link_));
+        if (link.up) tracker_.on_acknowledgement(at_now(), boat_.execute(due->raw, link_, clock()));
     }
     for (const auto& change : tracker_.take_changes()) audience_->tell(status_of(change, link_));
 }

@@ -28,7 +28,8 @@ inline packet_key key_of(const telemetry_packet& packet) { return {packet.boot, 
 
 /// The boat and the air, which no process of the shore takes with it.
 struct boat_at_sea {
-    boat_at_sea();
+    /// Its clock is set by GPS, and begins at `begin`.
+    explicit boat_at_sea(utc_time begin);
 
     struct link {
         bool up = true;
@@ -39,9 +40,10 @@ struct boat_at_sea {
     };
     telemetry_packet make(link_id over, utc_time at);
     link& over(link_id which) { return links[static_cast<std::size_t>(which)]; }
-    acknowledgement execute(ise::bytes_view raw, link_id from);
+    acknowledgement execute(ise::bytes_view raw, link_id from, utc_time now);
 
     std::array<link, link_count> links;
+    utc_time begin;
     simulator::simulated_boat boat;
     std::uint32_t sequence = 0;
     std::map<std::uint32_t, int> executed; ///< telecommands that changed something, by id
@@ -148,7 +150,7 @@ public:
 
     names_test::system names;
     ise::sim::world& world = names.world;
-    boat_at_sea boat;
+    boat_at_sea boat{std::chrono::floor<std::chrono::milliseconds>(world.wall_start)};
     communication_node_options terms; ///< of both nodes, before they are started
 
 private:

@@ -239,6 +239,39 @@ TEST_CASE("iridium: a telecommand's validity ends in time where the clock goes b
     }
 }
 
+TEST_CASE("iridium: a shore clock that was once ahead makes no validity longer") {
+    ocean it;
+    it.boat_options.iridium.period_s = 0; // nothing of the boat comes first, by which its clock were known
+    it.start();
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return seen.sky && seen.sky->port_in_use && seen.account; }));
+    it.set_gateway(gateway_up(false));
+    it.proxy_process().set_wall_offset(1h);
+    ocean::asked ahead, asked;
+    it.command(set_mode(21, sailing_mode::return_home, 10), 5s, ahead);
+    REQUIRE(it.until([&] { return ahead.has_value(); }));
+    it.proxy_process().crash();
+    it.proxy_process().set_wall_offset(0s);
+    it.world.run_for(10s);
+    it.proxy_process().restart();
+    it.set_gateway(gateway_up(true));
+    iridium_sky_request sky;
+    sky.free = false;
+    it.set_sky(sky);
+    it.command(set_mode(22, sailing_mode::hold, 60), 10s, asked);
+    REQUIRE(it.until([&] { return asked.has_value(); }));
+    REQUIRE(*asked);
+    CHECK((*asked)->text.find("queued at the gateway") == 0);
+    auto received = seen.sky->messages_received;
+    it.world.run_for(5min);
+    sky.free = true;
+    it.set_sky(sky);
+    REQUIRE(it.until([&] { return seen.sky->messages_received > received; }, 3h));
+    it.world.run_for(1min);
+    CHECK(it.boat().pilot().mode() == sailing_mode::automatic);
+    CHECK(it.boat().late_count() == 1);
+}
+
 TEST_CASE("iridium: the queue survives a restart of the proxy, and who follows it hears on") {
     ocean it;
     it.start();

@@ -67,6 +67,15 @@ TEST_CASE("boat clock: a reading loses what a bad clock loses, and a new boot ha
     CHECK(it.read().at >= it.wall - 3s);
 }
 
+TEST_CASE("boat clock: history of a former boot is not taken for a new boot, and an answer is") {
+    shore it;
+    it.hear(6, 0s, 1s);
+    it.hear(5, 0s, 9000s); // the shore did not hear it before: it was restarted
+    CHECK(it.read().at == it.wall - 1s);
+    it.hear(4, -9000s, 1s, true); // its clock went back: it says so itself
+    CHECK(it.read().at == it.wall - 9001s);
+}
+
 TEST_CASE("boat clock: a boat that cannot judge UTC gets times by its own clock") {
     shore it;
     it.hear(5, -200s, 1s);

@@ -262,6 +262,7 @@ TEST_CASE("a forged epoch far above the boat's does not count, so that the opera
 
 TEST_CASE("the boat says which epoch it obeys exactly, also where a float cannot") {
     boat_options options;
+    options.epoch = sailing({}).epoch;
     options.resumed = simulated_boat(sailing({}), steady(6, 40)).remember();
     options.resumed->authority = 16'777'217; // 2^24 + 1
     simulated_boat boat(options, steady(6, 40));
@@ -275,6 +276,7 @@ TEST_CASE("the boat says which epoch it obeys exactly, also where a float cannot
 
 TEST_CASE("a boat that was left at the last epoch goes on with the first one") {
     boat_options options;
+    options.epoch = sailing({}).epoch;
     options.resumed = simulated_boat(sailing({}), steady(6, 40)).remember();
     options.resumed->authority = 0xFFFFFFFF;
     simulated_boat boat(options, steady(6, 40));

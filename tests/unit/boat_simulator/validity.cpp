@@ -66,6 +66,16 @@ TEST_CASE("validity: what arrives in time is executed, what arrives late is not,
     CHECK(boat.late_count() == 2);
 }
 
+TEST_CASE("validity: a time of sending ahead of the clock that GPS sets makes no validity longer") {
+    simulated_boat boat(at_anchor(), constant_wind({6, 40}));
+    boat.advance(60s);
+    auto ahead = answer(boat, hold(1, begin + 1h, 59s)); // by a shore whose clock is wrong
+    CHECK(ahead.code == ack_code::expired);
+    CHECK(ahead.text == "was sent at 03:40:00Z, it is 02:41:00Z");
+    CHECK(boat.executed_count() == 0);
+    CHECK(answer(boat, hold(1, begin + 65s, 59s)).code == ack_code::done); // no clock is that good
+}
+
 TEST_CASE("validity: a telecommand without one is refused, unless it only asks") {
     simulated_boat boat(at_anchor(), constant_wind({6, 40}));
     auto older = hold(1, begin, 1min);

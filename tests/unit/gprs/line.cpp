@@ -200,6 +200,9 @@ TEST_CASE("gprs: numbers in any order are one set") {
                 for (auto n = skipped + 1; n <= number; ++n) missing += model.insert(n).second;
                 REQUIRE(set.skip_to(number) == missing);
                 skipped = std::max(skipped, number);
+            } else if (random() % 10 == 0 && number > skipped) {
+                set.remove(number);
+                model.erase(number);
             } else {
                 REQUIRE(set.contains(number) == model.contains(number));
                 REQUIRE(set.add(number));

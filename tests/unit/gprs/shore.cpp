@@ -127,6 +127,35 @@ TEST_CASE("gprs shore: acknowledgement is cumulative over what came in any order
     CHECK(it.acknowledged() == 4);
 }
 
+TEST_CASE("gprs shore: a record that cannot be read is as if it had not come, and takes no room") {
+    shore_options options;
+    options.max_unsafe = 3;
+    coast it(options);
+    it.connect(2);
+    it.say(2, login{"atirma", 5, 1, 4});
+    for (std::uint32_t n : {1u, 2u, 3u}) it.say(2, data(n));
+    auto life = it.all<record_came>().front().life;
+    it.shore.refused(life, 2);
+    CHECK(it.shore.unsafe() == 2);
+    it.shore.safe(life, {1, 3});
+    it.drain();
+    CHECK(it.acknowledged() == 1);
+    it.events.clear();
+    it.say(2, data(2)); // under another key
+    REQUIRE(it.all<record_came>().size() == 1);
+    it.safe_all();
+    CHECK(it.acknowledged() == 3);
+    it.events.clear();
+    it.say(2, data(4));
+    it.say(2, login{"atirma", 5, 5, 5}); // it has given that up
+    it.shore.refused(life, 4);
+    it.shore.refused(life + 1, 1); // of a life that is over
+    it.say(2, data(5));
+    it.shore.safe(life, {5});
+    it.drain();
+    CHECK(it.acknowledged() == 5);
+}
+
 TEST_CASE("gprs shore: what the boat gave up is counted, and does not hold up the rest") {
     coast it;
     it.connect(2);

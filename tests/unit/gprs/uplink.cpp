@@ -4,6 +4,8 @@
 
 #include <support/catch.hpp>
 
+#include <map>
+
 namespace uplink_test {
 
 using namespace std::chrono_literals;
@@ -260,6 +262,32 @@ TEST_CASE("gprs boat: a telecommand is taken, its acknowledgement goes back as i
     CHECK(std::get<outcome>(said[0]).id == 77);
     CHECK(parse_acknowledgement(std::get<outcome>(said[0]).raw)->text == "hold");
     CHECK(it.link.waiting() == 0);
+}
+
+TEST_CASE("gprs boat: what waited while the key was changed is sealed under the key in use, a notice under its own") {
+    auto epoch = std::byte{0x80}; // takes the place of the version
+    uplink_options options;
+    options.seal = [&epoch](ise::bytes raw) {
+        raw.front() = epoch;
+        return raw;
+    };
+    vessel it(options);
+    it.link.put(gprs_test::fix(1));
+    it.link.put_sealed(ise::bytes{std::byte{0x80}, std::byte{0x48}});
+    it.link.opened(it.now);
+    for (const auto& one : it.said())
+        if (const auto* data = std::get_if<record>(&one)) CHECK(data->raw.front() == std::byte{0x80});
+    it.link.put(gprs_test::ack_of(77));
+    epoch = std::byte{0x81}; // over another link, before anything was acknowledged
+    it.link.put(gprs_test::fix(2));
+    it.reopen();
+    std::map<std::uint32_t, std::byte> first_bytes;
+    for (const auto& one : it.said()) {
+        if (const auto* data = std::get_if<record>(&one)) first_bytes[data->number] = data->raw.front();
+        if (const auto* answer = std::get_if<outcome>(&one)) first_bytes[answer->id] = answer->raw.front();
+    }
+    CHECK(first_bytes == std::map<std::uint32_t, std::byte>{
+                             {1, std::byte{0x81}}, {2, std::byte{0x80}}, {3, std::byte{0x81}}, {77, std::byte{0x81}}});
 }
 
 TEST_CASE("gprs boat: acknowledgements that make no sense are no acknowledgements") {

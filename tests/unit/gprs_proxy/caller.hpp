@@ -6,6 +6,7 @@
 #include <ise/service/service_host.hpp>
 
 #include <algorithm>
+#include <functional>
 #include <memory>
 
 namespace gprs_test {
@@ -25,6 +26,7 @@ struct boat_log {
     std::vector<std::uint32_t> executed; ///< telecommands, each once, as the boat does it
     std::vector<std::uint32_t> heard;    ///< however often
     bool mute = false;                   ///< answers no telecommand
+    std::function<ise::bytes(ise::bytes)> seal;
 };
 
 /// A boat that only calls: measures a fix every now and then, takes telecommands.
@@ -38,6 +40,7 @@ private:
         options.shore = ise::endpoint::parse(log_.shore).value();
         options.security = services().peers().credentials();
         options.link.id = log_.id;
+        options.link.seal = log_.seal;
         port_ = std::make_unique<atirma::gprs::uplink_port>(on(), log(), options, log_.boot);
         port_->on_order = [this](const atirma::gprs::order& result) { hear(result); };
         spawn("uplink", port_->run());
@@ -50,14 +53,15 @@ private:
         }
     }
     void hear(const atirma::gprs::order& result) {
+        auto command = atirma::parse_telecommand(result.raw);
+        if (!command) return; // about the seal
         log_.heard.push_back(result.id);
         if (std::find(log_.executed.begin(), log_.executed.end(), result.id) == log_.executed.end())
             log_.executed.push_back(result.id);
-        auto command = atirma::parse_telecommand(result.raw).value();
         atirma::acknowledgement ack;
         ack.header.boot = log_.boot;
-        ack.id = command.id;
-        ack.kind = command.command.kind();
+        ack.id = command->id;
+        ack.kind = command->command.kind();
         ack.text = "aye";
         if (!log_.mute) port_->put(atirma::encode_acknowledgement(ack));
     }

@@ -1,8 +1,11 @@
 #include "quay.hpp"
 
+#include <asio/buffer.hpp>
+
 #include <support/catch.hpp>
 
 #include <algorithm>
+#include <array>
 #include <set>
 
 namespace stories_test {
@@ -298,6 +301,52 @@ TEST_CASE("gprs proxy: a telecommand that a broken link swallowed goes again ove
     CHECK((*answer)->state == telecommand_stage::acknowledged);
     CHECK(it.boat.heard.size() >= 2);
     CHECK(it.boat.executed == std::vector<std::uint32_t>{7});
+}
+
+TEST_CASE("gprs proxy: a result without a packet brings neither a time nor a value") {
+    quay it;
+    it.start_proxy();
+    it.watch();
+    it.world.run_for(1s);
+    auto boat = [](ise::component& self) -> ise::task<> {
+        auto shore = ise::endpoint::parse("tcp://shore:7420").value();
+        auto made = co_await self.env().connect(self.on(), shore);
+        auto line = std::move(made.value());
+        auto say = [&line](const std::string& text) {
+            asio::const_buffer piece(text.data(), text.size());
+            line->try_write(std::span(&piece, 1));
+        };
+        say(gprs::encode(gprs::login{"atirma", 5, 1, 0}));
+        std::string heard;
+        std::array<char, 256> buffer;
+        while (heard.find("$PATC,7,") == std::string::npos) {
+            auto got = co_await line->read_some(asio::buffer(buffer));
+            if (got.problem) co_return;
+            heard.append(buffer.data(), got.bytes);
+        }
+        say(gprs::encode(gprs::outcome{7, 0, {}}));
+        co_await self.sleep(1h);
+    };
+    it.world.host("boat").start_process("boat", [boat](ise::sim::process& here) -> std::shared_ptr<void> {
+        auto node = std::make_shared<ise::node>(here, quay::quiet());
+        node->start("", boat, quay::asks_only());
+        return node;
+    });
+    telecommand_request request;
+    request.id = 7;
+    request.command = commands::get_parameter{};
+    quay::asked answer;
+    it.user([request, &answer](ise::component& self) -> ise::task<> {
+        auto shore = quay::at_proxy(self);
+        answer = co_await shore.try_call(services::telecommand, request, 20s);
+    });
+    REQUIRE(it.until([&] { return answer && !it.seen.states.empty() && is_final(it.seen.states.back().state); }));
+    REQUIRE(*answer);
+    CHECK((*answer)->state == telecommand_stage::acknowledged);
+    CHECK_FALSE((*answer)->value);
+    CHECK(it.seen.states.back().result == ack_code::done);
+    CHECK_FALSE(it.seen.states.back().executed_at);
+    CHECK_FALSE(it.seen.states.back().value);
 }
 
 TEST_CASE("gprs proxy: an endpoint that is taken, or none, ends it with words that help") {

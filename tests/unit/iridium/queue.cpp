@@ -57,7 +57,7 @@ struct queue_of_sbd {
     std::optional<telecommand_tracker::due> next_due(utc_time now, std::optional<std::uint64_t> credits) {
         link_budget budget;
         if (credits) budget = budget_after(1000, 1000 - *credits, 0, 0);
-        return next_within_budget(tracker, now, budget, 50);
+        return next_within_budget(tracker, civil_tracker_time(now), budget, 50);
     }
     void on_outcome(utc_time now, std::uint32_t id, const link_outcome& what) {
         tracker.on_outcome(civil_tracker_time(now), id, what);
