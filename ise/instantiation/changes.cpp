@@ -94,6 +94,8 @@ task<change_response> changes::change_to(start_request to, bool only_in_place, c
         if (!settings.empty()) {
             auto taken = co_await set_parameters(one, std::move(settings));
             if (!taken) throw error(taken.error());
+            if (table_.find(one->plan.path) != one)
+                throw error(errc::refused, fmt::format("'{}' was forgotten while it was changed", one->plan.path));
         }
         if (!others.empty()) made.way = change_way::in_place;
         if (!others.empty() || one->asked.deployment != to.deployment) {
@@ -112,12 +114,16 @@ task<change_response> changes::change_to(start_request to, bool only_in_place, c
     become(one, std::move(to), std::move(planned));
     made.undo = one->undo;
     if (is.rebuilt) shared_.replace_that_of(*one);
+    auto stops = one->watch.stops();
     instances_.carry_out(one, one->watch.restart(here_.self.now()));
     made.outcome = co_await starting_.until_ready(one);
     if (made.outcome.outcome == start_outcome::ready) co_return made;
-    become(one, std::move(asked), std::move(former));
     made.undo = 0;
-    if (was_up) { // what ran well goes on as it was
+    if (table_.find(one->plan.path) != one) co_return made; // it was forgotten
+    become(one, std::move(asked), std::move(former));
+    if (!table_.goes_on(one, stops)) { // that was the last word
+        made.outcome.why += "; it was stopped meanwhile";
+    } else if (was_up) { // what ran well goes on as it was
         instances_.carry_out(one, one->watch.restart(here_.self.now()));
         auto back = co_await starting_.until_ready(one);
         made.outcome.why += back.outcome == start_outcome::ready

@@ -59,11 +59,14 @@ task<start_response> starts::restart(std::string path) {
 
 task<start_response> starts::begin_again(instance_ptr one) {
     check_rate();
+    auto stops = one->watch.stops();
+    co_await types_.refresh();
+    if (!table_.goes_on(one, stops))
+        throw error(errc::refused, fmt::format("'{}' was stopped while its restart began", one->plan.path));
     auto asked = one->asked;
     asked.path = one->plan.path;
     asked.name_space.clear();
-    auto what = co_await types_.plan(std::move(asked));
-    one->plan = std::move(what);
+    one->plan = types_.known().plan(asked, here_.options.rules, here_.self.env().random()).value();
     instances_.carry_out(one, one->watch.restart(here_.self.now()));
     auto response = co_await until_ready(one);
     co_return response;

@@ -410,4 +410,34 @@ TEST_CASE("what has failed is no trouble any more once it was stopped") {
     CHECK_THAT(ended.reason, Contains("stopped after it had failed: "));
 }
 
+TEST_CASE("a stop during a change is the last word, and leaves no process that nobody tracks") {
+    for (bool forget : {false, true}) {
+        INFO("forget " << forget);
+        harbour in;
+        in.start();
+        change_request request;
+        request.to = in.wanted({{"speed", "8"}, {"course", "reef"}}); // never ready
+        auto changed = in.ask(host_services::change, request);
+        REQUIRE(in.system.world.run_until([&] { return in.host.launches.size() == 2; }, 1min));
+        in.system.world.run_for(1s);
+        stop_request stop;
+        stop.path = "sea/wind";
+        stop.forget = forget;
+        CHECK(in.call(host_services::stop, stop).value().ended.state == instance_state::stopped);
+        REQUIRE(in.system.world.run_until([&] { return changed->has_value(); }, 1h));
+        auto result = (*changed)->value();
+        CHECK(result.outcome.outcome == start_outcome::exited);
+        CHECK(result.undo == 0);
+        in.system.world.run_for(1min);
+        CHECK(in.host.running().empty());
+        CHECK(in.host.launches.size() == 2);
+        auto left = in.instances();
+        CHECK(left.size() == (forget ? 0 : 1));
+        for (const auto& one : left) { // what it was before the change
+            CHECK(one.state == instance_state::stopped);
+            CHECK(one.arguments.size() == 1);
+        }
+    }
+}
+
 } // namespace changing_test
