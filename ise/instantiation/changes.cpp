@@ -80,6 +80,7 @@ task<change_response> changes::change_to(start_request to, bool only_in_place, c
         std::string path;
         ~changing() { all.erase(path); }
     } guard{changing_, planned.path};
+    instances_.check_room(to);
     change_response made;
     made.former = one->asked;
     for (auto& variable : made.former.variables) variable.value.clear(); // secrets stay here

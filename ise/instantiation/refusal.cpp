@@ -3,6 +3,7 @@
 #include <ise/instantiation/own_user.hpp>
 #include <ise/instantiation/probe.hpp>
 #include <ise/instantiation/words.hpp>
+#include <ise/naming/services.hpp>
 
 #include <fmt/format.h>
 
@@ -49,6 +50,11 @@ void check_wishes(const start_request& request, const launch_rules& rules) {
     if (terms.probe_failures < 1 || terms.probe_failures > 1000)
         refuse("a probe may fail 1 to 1000 times on end before the component is started again");
     if (!terms.probe.empty()) parse_probe(terms.probe, rules.listen_addresses).value();
+    const auto& deployment = request.deployment;
+    if (!deployment.empty() && (deployment.size() > naming::max_path || !naming::is_path(deployment)))
+        refuse(fmt::format("'{}' is not the name of a deployment: letters, digits, -, _ and . make one, of at most {} "
+                           "bytes",
+                           shown(deployment), naming::max_path));
     check(request.limits).value();
     if (!request.process.empty() && !(request.limits == resource_limits()))
         refuse("limits belong to a whole process: a component that shares one cannot be given its own");

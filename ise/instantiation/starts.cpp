@@ -38,6 +38,7 @@ task<start_response> starts::begin(start_request request, const verified_peer* b
     co_await names_.check_free(what.path);
     check_room(what.path); // others may have come meanwhile
     check_endpoints(here_.self, what.listen);
+    instances_.check_room(request);
     auto one = instances_.add(std::move(request), std::move(what));
     if (table_.prints_alone(*one)) one->output->remove();
     instances_.carry_out(one, one->watch.start(here_.self.now()));

@@ -331,4 +331,63 @@ TEST_CASE("a crash of the server at any of its operations loses no process and s
     CHECK(crashes > 10);
 }
 
+TEST_CASE("the name of a deployment is a name, so that no start fills the state") {
+    harbour in;
+    start_request request;
+    request.type = "doubler";
+    request.path = "sea/one";
+    for (const auto& name : {std::string(std::size_t{17} << 20, 'a'), std::string(1000, '\x01'), std::string("a b")}) {
+        request.deployment = name;
+        auto result = in.call(host_services::start, request);
+        CHECK(result.outcome == start_outcome::bad_argument);
+        CHECK_THAT(result.why, Contains("is not the name of a deployment"));
+    }
+    request.deployment = std::string(200, 'a');
+    CHECK(in.call(host_services::start, request).outcome == start_outcome::ready);
+}
+
+TEST_CASE("a start that would make the state larger than one that can be read is refused") {
+    harbour in;
+    ise::component_type listed("listed", "for the test", "sea/listed");
+    auto marks = std::make_shared<std::vector<std::string>>();
+    listed.parameters.add("mark", *marks, "any");
+    std::vector<ise::component_type> types;
+    types.push_back(std::move(listed));
+    auto& program = in.host.installed["listeds"];
+    program = in.host.installed["doublers"];
+    program.description = ise::describe_types("listeds", "1", types);
+    start_request request;
+    request.type = "listed";
+    request.arguments.assign(256, {"mark", std::string(4096, '"')}); // 2 MiB as JSON
+    std::size_t ready = 0;
+    start_response result;
+    for (; ready < 9; ++ready) {
+        request.path = "sea/n" + std::to_string(ready);
+        result = in.call(host_services::start, request);
+        if (result.outcome != start_outcome::ready) break;
+        in.system.world.run_for(10s);
+    }
+    CHECK(ready == 5);
+    CHECK(result.outcome == start_outcome::too_many);
+    CHECK_THAT(result.why, Contains("max_accepted_bytes"));
+    CHECK(result.retry_after == 0s);
+    in.server->crash();
+    in.open();
+    CHECK(in.call(host_services::instances, instances_request{}).instances.size() == ready);
+}
+
+TEST_CASE("a state that cannot be read is set aside, whatever its size") {
+    for (const auto& content : {std::string(std::size_t{17} << 20, '['), std::string("not JSON")}) {
+        harbour in;
+        in.server->crash();
+        in.host.files["/state/state.json"] = content;
+        in.system.world.run_for(10s);
+        in.open();
+        CHECK((in.host.files["/state/state.json.unreadable"] == content)); // too large to be printed
+        CHECK(in.start("sea/one").outcome == start_outcome::ready);
+        CHECK((in.host.files["/state/state.json.unreadable"] == content)); // too large to be printed
+        CHECK(in.host.files["/state/state.json"].size() < 10'000);
+    }
+}
+
 } // namespace server_test
