@@ -117,15 +117,22 @@ task<change_response> changes::change_to(start_request to, bool only_in_place, c
     if (is.rebuilt) shared_.replace_that_of(*one);
     auto stops = one->watch.stops();
     instances_.carry_out(one, one->watch.restart(here_.self.now()));
-    made.outcome = co_await starting_.until_ready(one);
+    try {
+        made.outcome = co_await starting_.until_ready(one);
+    } catch (...) { // whoever asked for it has given up
+        bool undone = !here_.stopping && !runs(one->watch) && table_.goes_on(one, stops);
+        if (undone && !was_up) starting_.give_up(one);
+        if (undone) roll_back(one, std::move(asked), std::move(former), was_up);
+        throw;
+    }
     if (made.outcome.outcome == start_outcome::ready) co_return made;
     made.undo = 0;
     if (table_.find(one->plan.path) != one) co_return made; // it was forgotten
-    become(one, std::move(asked), std::move(former));
-    if (!table_.goes_on(one, stops)) { // that was the last word
-        made.outcome.why += "; it was stopped meanwhile";
-    } else if (was_up) { // what ran well goes on as it was
-        instances_.carry_out(one, one->watch.restart(here_.self.now()));
+    bool stopped = !table_.goes_on(one, stops);             // the last word
+    bool again = was_up && !stopped;
+    roll_back(one, std::move(asked), std::move(former), again);
+    if (stopped) made.outcome.why += "; it was stopped meanwhile";
+    if (again) {
         auto back = co_await starting_.until_ready(one);
         made.outcome.why += back.outcome == start_outcome::ready
                                 ? "; it runs again as before"
@@ -172,6 +179,11 @@ void changes::become(const instance_ptr& one, start_request asked, launch_plan p
     one->watch.use(one->asked.terms);
     probes_.begin(one);
     instances_.announce(*one);
+}
+
+void changes::roll_back(const instance_ptr& one, start_request asked, launch_plan plan, bool again) {
+    become(one, std::move(asked), std::move(plan));
+    if (again) instances_.carry_out(one, one->watch.restart(here_.self.now()));
 }
 
 } // namespace ise::instantiation

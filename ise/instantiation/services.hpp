@@ -252,11 +252,12 @@ inline constexpr request_response<stop_request, ended_response> stop{"ise.host.s
 /// The same at once by SIGKILL. It is not started again. A component that shares a process is stopped; where it does
 /// not end at once, nor within the grace of a stop, its process is killed with all that runs in it.
 inline constexpr request_response<kill_request, ended_response> kill{"ise.host.kill"};
-/// Stops it if it runs and starts it with the same arguments; completes and fails as `start` does.
+/// Stops it if it runs and starts it with the same arguments; completes and fails as `start` does. It goes on where its
+/// caller gives up.
 inline constexpr request_response<restart_request, start_response> restart{"ise.host.restart"};
 /// Changes what runs: parameters that may change while it runs in place, for others it is started again. What it
-/// becomes holds from then on, also after a restart by its terms. errc::refused as above, and where it is being changed
-/// already.
+/// becomes holds from then on, also after a restart by its terms. A caller that gives up before it is ready undoes the
+/// change. errc::refused as above, and where it is being changed already.
 inline constexpr request_response<change_request, change_response> change{"ise.host.change"};
 /// Whether components could be started or changed so: types, parameters, addresses, hosts and folders that are allowed,
 /// names that others hold, ports in use (but those of instances of the same deployment, and what runs under the same

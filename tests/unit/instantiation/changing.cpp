@@ -440,4 +440,66 @@ TEST_CASE("a stop during a change is the last word, and leaves no process that n
     }
 }
 
+TEST_CASE("a component goes on as before where the one who restarts or changes it is lost meanwhile") {
+    for (bool change : {false, true}) {
+        INFO("change " << change);
+        harbour in;
+        in.start();
+        auto& client = in.system.start("shore", "client", [&](ise::node& node) {
+            node.start("", [change](ise::component& self) -> ise::task<> {
+                auto its = self.at("ise/host/shore");
+                change_request other;
+                other.to = harbour::wanted({{"speed", "8"}, {"course", "reef"}}); // never ready
+                restart_request same{"sea/wind"};
+                if (change) {
+                    [[maybe_unused]] auto got = co_await its.try_call(host_services::change, std::move(other), 5min);
+                } else {
+                    [[maybe_unused]] auto got = co_await its.try_call(host_services::restart, std::move(same), 5min);
+                }
+            });
+        });
+        REQUIRE(in.system.world.run_until([&] { return in.host.launches.size() == 2; }, 1min));
+        client.crash();
+        in.system.world.run_for(1min);
+        CHECK(in.host.running().size() == 1);
+        CHECK(in.host.launches.size() == (change ? 3 : 2));
+        CHECK_FALSE(in.has_word("--course=reef"));
+        auto left = in.instances().front();
+        CHECK(left.state == instance_state::ready);
+        CHECK(left.arguments.size() == 1);
+    }
+}
+
+TEST_CASE("what did not run is ended where the one who changes it is lost meanwhile, and so is a first start") {
+    for (bool change : {false, true}) {
+        INFO("change " << change);
+        harbour in;
+        if (change) {
+            in.start();
+            in.call(host_services::stop, stop_request{"sea/wind"}).value();
+        }
+        auto before = in.host.launches.size();
+        auto& client = in.system.start("shore", "client", [&](ise::node& node) {
+            node.start("", [change](ise::component& self) -> ise::task<> {
+                auto its = self.at("ise/host/shore");
+                auto reef = harbour::wanted({{"course", "reef"}});
+                change_request other;
+                other.to = reef;
+                if (change) {
+                    [[maybe_unused]] auto got = co_await its.try_call(host_services::change, std::move(other), 5min);
+                } else {
+                    [[maybe_unused]] auto got = co_await its.try_call(host_services::start, std::move(reef), 5min);
+                }
+            });
+        });
+        REQUIRE(in.system.world.run_until([&] { return in.host.launches.size() > before; }, 1min));
+        in.system.world.run_for(100ms);
+        client.crash();
+        in.system.world.run_for(8s); // sooner than its deadline
+        CHECK(in.host.running().empty());
+        CHECK(in.instances().front().state == instance_state::stopped);
+        if (change) CHECK(in.instances().front().arguments.front().name == "speed");
+    }
+}
+
 } // namespace changing_test
