@@ -70,7 +70,8 @@ supervision::act supervision::not_launched(time_point now, const std::string& wh
     launching_ = false;
     running_ = false;
     if (state_ == instance_state::stopping) return ended(now, true, "it was not started yet");
-    return again_or_fail(now, why);
+    // Whoever launches may find out late: meanwhile it may have been stopped, or be about to be launched again.
+    return state_ == instance_state::starting ? again_or_fail(now, why) : act::nothing;
 }
 
 void supervision::ready() {

@@ -502,4 +502,48 @@ TEST_CASE("what did not run is ended where the one who changes it is lost meanwh
     }
 }
 
+TEST_CASE("what is stopped while its launch waits for its name stays stopped") {
+    harbour in;
+    auto what = in.wanted({{"speed", "8"}});
+    what.terms.ready_within = 200ms;
+    what.terms.first_pause = what.terms.max_pause = 1s;
+    what.terms.limit = 100;
+    REQUIRE(in.call(host_services::start, what).value().outcome == start_outcome::ready);
+    // It has a session already: names cannot be resolved later.
+    auto seen = std::make_shared<std::optional<instance_state>>();
+    auto ended = std::make_shared<std::optional<ise::result<ended_response>>>();
+    auto may_stop = std::make_shared<bool>(false);
+    in.system.start("shore", "client", [&](ise::node& node) {
+        node.start("", [seen, ended, may_stop](ise::component& self) -> ise::task<> {
+            auto its = self.at("ise/host/shore");
+            for (;;) {
+                instances_request all;
+                auto got = co_await its.try_call(host_services::instances, std::move(all), 1s);
+                if (got && !got->instances.empty()) *seen = got->instances.front().state;
+                if (*may_stop && !*ended && *seen == instance_state::waiting) {
+                    stop_request stop;
+                    stop.path = "sea/wind";
+                    auto outcome = co_await its.try_call(host_services::stop, std::move(stop), 30s);
+                    ended->emplace(std::move(outcome));
+                }
+                co_await self.sleep(20ms);
+            }
+        });
+    });
+    auto& world = in.system.world;
+    world.run_for(1s);
+    in.system.server->pause();
+    in.host.end(in.host.at("sea/wind"), {true, true, 9});
+    REQUIRE(world.run_until([&] { return *seen == instance_state::starting; }, 10s));
+    *may_stop = true;
+    REQUIRE(world.run_until([&] { return ended->has_value(); }, 10s));
+    CHECK((*ended)->value().ended.state == instance_state::stopped);
+    world.run_for(4s); // the launch gives up the name
+    CHECK(*seen == instance_state::stopped);
+    in.system.server->go_on();
+    world.run_for(20s);
+    CHECK(*seen == instance_state::stopped);
+    CHECK(in.host.running().empty());
+}
+
 } // namespace changing_test
