@@ -4,6 +4,7 @@
 #include <unit/name_server/system.hpp>
 
 #include <ise/component/component_type.hpp>
+#include <ise/component/process_services.hpp>
 #include <ise/instantiation/instantiation_server.hpp>
 #include <ise/instantiation/services.hpp>
 
@@ -27,6 +28,50 @@ std::string path_in(const std::vector<std::string>& words) {
         if (word.starts_with("--path=")) return word.substr(7);
     return {};
 }
+
+/// Runs several components in its process, of which "sea/slow" takes long to start.
+class process_component final : public ise::component {
+public:
+    process_component(ise::node& around, ise::duration slow) : node_(around), slow_(slow) {}
+
+private:
+    ise::task<> run() override {
+        provide_exclusive(ise::process_host::start, [this](ise::process_host::start_request request) {
+            return begin(path_in(request.words));
+        });
+        provide(ise::process_host::stop, [this](ise::process_host::stop_request request) {
+            if (lives_.contains(request.path)) node_.stop(request.path);
+            return ise::process_host::stop_response{};
+        });
+        provide(ise::process_host::components, [this](ise::process_host::components_request) { return tell(); });
+        co_await sleep_till(ise::time_point::max());
+    }
+    ise::task<ise::process_host::start_response> begin(std::string path) {
+        co_await ise::this_task::ignore_cancellation;
+        if (path == "sea/slow") co_await sleep(slow_);
+        node_.start<names_test::doubler>(path);
+        ise::process_host::start_response made;
+        made.number = lives_[path] = ++last_;
+        co_return made;
+    }
+    ise::process_host::components_response tell() const {
+        ise::process_host::components_response made;
+        for (const auto& one : node_.components()) {
+            auto life = lives_.find(one.path);
+            if (life == lives_.end()) continue;
+            auto& told = made.components.emplace_back();
+            told.path = one.path;
+            told.number = life->second;
+            told.over = one.state >= ise::component_state::stopped;
+        }
+        return made;
+    }
+
+    ise::node& node_;
+    ise::duration slow_;
+    std::map<std::string, std::uint64_t> lives_; // by path
+    std::uint64_t last_ = 0;
+};
 
 /// A host "shore" with an instantiation server that may crash and come again.
 class harbour {
@@ -387,6 +432,38 @@ TEST_CASE("a state that cannot be read is set aside, whatever its size") {
         CHECK(in.start("sea/one").outcome == start_outcome::ready);
         CHECK((in.host.files["/state/state.json.unreadable"] == content)); // too large to be printed
         CHECK(in.host.files["/state/state.json"].size() < 10'000);
+    }
+}
+
+TEST_CASE("a start in a shared process that takes too long ends nobody else there, and leaves nothing behind") {
+    for (auto slow : {3s, 30s}) { // within the least time that it has, and beyond
+        INFO("slow " << slow.count());
+        harbour in;
+        auto& sharer = in.host.installed["sharers"];
+        std::vector<ise::component_type> types;
+        types.emplace_back("sharer", "for the test", "sea/sharer");
+        sharer.description = ise::describe_types("sharers", "1", types, true);
+        sharer.run = [slow](ise::sim::process& env, const std::vector<std::string>& words) {
+            auto made = std::make_shared<names_test::program>(env);
+            ise::component_options control;
+            control.listen = {ise::endpoint::parse(words.at(1).substr(std::string("--control=").size())).value()};
+            control.registers = false;
+            made->node.start<process_component>("", control, made->node, slow);
+            return made;
+        };
+        start_request request;
+        request.type = "sharer";
+        request.process = "main";
+        request.path = "sea/one";
+        REQUIRE(in.call(host_services::start, request).outcome == start_outcome::ready);
+        request.path = "sea/slow";
+        request.terms.ready_within = 100ms;
+        CHECK(in.call(host_services::start, request).outcome == start_outcome::not_launched);
+        in.system.world.run_for(1min);
+        CHECK(in.host.launches.size() == 1); // the process
+        CHECK(in.state("sea/one").state == instance_state::ready);
+        CHECK(in.state("sea/slow").state == instance_state::failed);
+        CHECK_FALSE(in.system.holds("sea/slow"));
     }
 }
 
