@@ -73,6 +73,8 @@ task<start_response> starts::begin_again(instance_ptr one) {
     auto asked = one->asked;
     asked.path = one->plan.path;
     asked.name_space.clear();
+    auto objection = objection_to_own(asked, here_.options.rules);
+    if (!objection.empty()) throw error(errc::invalid_argument, objection); // it runs on
     one->plan = types_.known().plan(asked, here_.options.rules, here_.self.env().random()).value();
     instances_.carry_out(one, one->watch.restart(here_.self.now()));
     auto response = co_await until_ready(one);

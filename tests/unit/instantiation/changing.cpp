@@ -7,6 +7,9 @@
 #include <ise/instantiation/instantiation_server.hpp>
 #include <ise/instantiation/services.hpp>
 
+#include <pwd.h>
+#include <unistd.h>
+
 namespace changing_test {
 
 using namespace instantiation_test;
@@ -50,7 +53,8 @@ ise::component_type wind_type(const std::shared_ptr<wind_options>& options) {
 /// A host "shore" whose program has the type "wind".
 class harbour {
 public:
-    harbour() : system(true, 1), host(system.world, "shore") {
+    explicit harbour(launch_rules first = launch_rules())
+        : system(true, 1), host(system.world, "shore"), rules(std::move(first)) {
         auto& program = host.installed["winds"];
         std::vector<ise::component_type> types;
         types.push_back(wind_type(std::make_shared<wind_options>()));
@@ -79,6 +83,7 @@ public:
             server_options options;
             options.programs_folder = "/programs";
             options.state_folder = "/state";
+            options.rules = rules;
             options.name_servers = {
                 ise::endpoint::parse("tcp://" + system.world.host("ns").address() + ":7400").value()};
             node.start<instantiation_server>(path_of_host("shore"), ise::component_options(), host, options);
@@ -156,6 +161,7 @@ public:
     names_test::system system;
     virtual_machine host;
     ise::sim::process* server = nullptr;
+    launch_rules rules; ///< of the next one
     std::vector<std::string> last_words;
 };
 
@@ -544,6 +550,32 @@ TEST_CASE("what is stopped while its launch waits for its name stays stopped") {
     world.run_for(20s);
     CHECK(*seen == instance_state::stopped);
     CHECK(in.host.running().empty());
+}
+
+TEST_CASE("an instance that was taken over is not started again as what the rules do not allow any more") {
+    const auto* found = ::getpwuid(::geteuid());
+    REQUIRE(found);
+    const std::string user = found->pw_name;
+    launch_rules wide;
+    wide.users = {user};
+    wide.as_root = true; // the test may be root
+    harbour in(wide);
+    auto what = in.wanted({{"speed", "8"}});
+    what.user = user;
+    REQUIRE(in.call(host_services::start, what).value().outcome == start_outcome::ready);
+    in.server->crash();
+    in.system.world.run_for(10s);
+    in.rules = launch_rules();
+    in.open();
+    auto again = in.call(host_services::restart, restart_request{"sea/wind"}).value();
+    CHECK(again.outcome == start_outcome::bad_argument);
+    CHECK_THAT(again.why, Contains("'" + user + "'"));
+    CHECK(in.instances().front().state == instance_state::ready); // it runs on
+    in.host.end(in.host.at("sea/wind"), {true, true, 9});
+    in.system.world.run_for(10min);
+    CHECK(in.host.launches.size() == 1);
+    CHECK(in.instances().front().state == instance_state::failed);
+    CHECK_THAT(in.instances().front().reason, Contains("'" + user + "'"));
 }
 
 } // namespace changing_test
