@@ -245,6 +245,7 @@ inline constexpr request_response<types_request, types_response> types{"ise.host
 /// Completes when the component is ready: registered and answering. Else it does not run any more, and the outcome says
 /// why. A caller that gives up ends what it began.
 inline constexpr request_response<start_request, start_response> start{"ise.host.start"};
+/// Those that the caller may read, by the access policy; so also `events`.
 inline constexpr request_response<instances_request, instances_response> instances{"ise.host.instances"};
 /// SIGTERM to the whole process group, SIGKILL after the grace; completes when nothing of it runs.
 /// errc::refused names the instances that there are; also of the services below.
@@ -267,6 +268,7 @@ inline constexpr request_response<checks_request, checks_response> check{"ise.ho
 /// errc::refused also: no such parameter or value, one that takes a restart, or the component has something against
 /// it.
 inline constexpr request_response<set_request, set_response> set{"ise.host.set"};
+/// errc::access_denied: the access policy does not let the caller read that component; so also `output`.
 inline constexpr request_response<output_request, output_piece> last_output{"ise.host.output"};
 inline constexpr subscription<output_piece, follow_request> output{"ise.host.output_follow"};
 inline constexpr subscription<host_event> events{"ise.host.events"};

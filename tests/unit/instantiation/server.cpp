@@ -8,6 +8,8 @@
 #include <ise/instantiation/instantiation_server.hpp>
 #include <ise/instantiation/services.hpp>
 
+#include <set>
+
 namespace server_test {
 
 using namespace instantiation_test;
@@ -36,9 +38,8 @@ public:
 
 private:
     ise::task<> run() override {
-        provide_exclusive(ise::process_host::start, [this](ise::process_host::start_request request) {
-            return begin(path_in(request.words));
-        });
+        provide_exclusive(ise::process_host::start,
+                          [this](ise::process_host::start_request request) { return begin(path_in(request.words)); });
         provide(ise::process_host::stop, [this](ise::process_host::stop_request request) {
             if (lives_.contains(request.path)) node_.stop(request.path);
             return ise::process_host::stop_response{};
@@ -76,7 +77,8 @@ private:
 /// A host "shore" with an instantiation server that may crash and come again.
 class harbour {
 public:
-    explicit harbour(std::uint64_t seed = 1) : system(true, seed), host(system.world, "shore") {
+    explicit harbour(std::string policy = {})
+        : system(true, 1), host(system.world, "shore"), access_policy(std::move(policy)) {
         auto& doubler = host.installed["doublers"];
         doubler.description = describe("doubler");
         doubler.run = [](ise::sim::process& env, const std::vector<std::string>& words) {
@@ -91,7 +93,7 @@ public:
     }
 
     void open() {
-        server = &system.start("shore", "instantiation", [this](ise::node& node) {
+        auto begin = [this](ise::node& node) {
             server_options options;
             options.programs_folder = "/programs";
             options.state_folder = "/state";
@@ -99,7 +101,20 @@ public:
                 ise::endpoint::parse("tcp://" + system.world.host("ns").address() + ":7400").value()};
             options.max_starts = 10;
             node.start<instantiation_server>(path_of_host("shore"), ise::component_options(), host, options);
-        });
+        };
+        auto& shore = system.world.host("shore");
+        std::map<std::string, std::string> variables;
+        variables["ISE_NAME_SERVER"] = "tcp://" + system.world.host("ns").address() + ":7400";
+        if (!access_policy.empty()) variables["ISE_ACCESS"] = "access.toml";
+        shore.write_file("access.toml", access_policy);
+        server = &shore.start_process(
+            "instantiation",
+            [begin](ise::sim::process& env) {
+                auto made = std::make_shared<names_test::program>(env);
+                begin(made->node);
+                return made;
+            },
+            variables);
         REQUIRE(system.world.run_until([&] { return system.holds("ise/host/shore"); }, 30s));
     }
 
@@ -146,6 +161,7 @@ public:
     names_test::system system;
     virtual_machine host;
     ise::sim::process* server = nullptr;
+    std::string access_policy; ///< of the next server; empty: none
 };
 
 } // namespace
@@ -465,6 +481,68 @@ TEST_CASE("a start in a shared process that takes too long ends nobody else ther
         CHECK(in.state("sea/slow").state == instance_state::failed);
         CHECK_FALSE(in.system.holds("sea/slow"));
     }
+}
+
+TEST_CASE("state and output of a component are for those who may read that component") {
+    harbour in(R"(version = 1
+[[allow]]
+who = "nobody"
+name = "**"
+read = "**"
+host = [{ host = "shore", do = ["start", "stop"] }]
+[[deny]]
+who = "nobody"
+read = "sea/secret"
+)");
+    struct heard {
+        std::set<std::string> events, output;
+    };
+    auto got = std::make_shared<heard>();
+    in.system.start("shore", "watcher", [got](ise::node& node) {
+        node.start("", [got](ise::component& self) -> ise::task<> {
+            auto events = co_await self.at("ise/host/shore").subscribe(host_services::events);
+            for (;;) {
+                auto event = co_await events.next();
+                if (!event) break;
+                got->events.insert(event->instance.path);
+            }
+        });
+    });
+    in.system.world.run_for(1s);
+    CHECK(in.start("sea/open").outcome == start_outcome::ready);
+    CHECK(in.start("sea/secret").outcome == start_outcome::ready);
+    in.system.world.run_for(1s);
+    CHECK(got->events == std::set<std::string>{"sea/open"});
+    auto listed = in.call(host_services::instances, instances_request{}).instances;
+    REQUIRE(listed.size() == 1);
+    CHECK(listed.front().path == "sea/open");
+    auto code = [&](const std::string& path) {
+        try {
+            in.call(host_services::last_output, output_request{path});
+        } catch (const ise::error& why) {
+            return why.code();
+        }
+        return ise::errc{};
+    };
+    CHECK(code("sea/open") == ise::errc{});
+    CHECK(code("sea/secret") == ise::errc::access_denied);
+    for (const std::string path : {"sea/open", "sea/secret"})
+        in.system.start("shore", "follower", [got, path](ise::node& node) {
+            node.start("", [got, path](ise::component& self) -> ise::task<> {
+                follow_request request{path};
+                ise::subscribe_options terms;
+                auto output = co_await self.at("ise/host/shore").subscribe(host_services::output, request, terms);
+                for (;;) {
+                    auto piece = co_await output.next();
+                    if (!piece) break;
+                    got->output.insert(piece->path);
+                }
+            });
+        });
+    in.system.world.run_for(1s);
+    for (const char* file : {"/state/sea+open.log", "/state/sea+secret.log"}) in.host.files[file] += "a line\n";
+    in.system.world.run_for(2s);
+    CHECK(got->output == std::set<std::string>{"sea/open"});
 }
 
 } // namespace server_test
