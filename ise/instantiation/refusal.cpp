@@ -1,7 +1,6 @@
 #include <ise/instantiation/refusal.hpp>
 
 #include <ise/instantiation/own_user.hpp>
-#include <ise/instantiation/probe.hpp>
 #include <ise/instantiation/words.hpp>
 #include <ise/naming/services.hpp>
 
@@ -40,7 +39,6 @@ void check_wishes(const start_request& request, const launch_rules& rules) {
     if (!within(terms.probe_every, 100ms, 1h)) refuse("a probe is sent every 100 ms to every hour");
     if (terms.probe_failures < 1 || terms.probe_failures > 1000)
         refuse("a probe may fail 1 to 1000 times on end before the component is started again");
-    if (!terms.probe.empty()) parse_probe(terms.probe, rules.listen_addresses).value();
     const auto& deployment = request.deployment;
     if (!deployment.empty() && (deployment.size() > naming::max_path || !naming::is_path(deployment)))
         refuse(fmt::format("'{}' is not the name of a deployment: letters, digits, -, _ and . make one, of at most {} "

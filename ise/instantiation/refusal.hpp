@@ -13,8 +13,8 @@ start_response refusal(const error& why);
 /// Why a component may not have the identity and the user of its own that a request names; empty: it may.
 std::string objection_to_own(const start_request& request, const launch_rules& rules);
 
-/// Whether terms, probe, limits and the name of the deployment are within their bounds. Throws errc::invalid_argument
-/// with what is allowed.
+/// Whether terms, limits and the name of the deployment are within their bounds. Throws errc::invalid_argument with
+/// what is allowed.
 void check_wishes(const start_request& request, const launch_rules& rules);
 
 } // namespace ise::instantiation
