@@ -180,8 +180,8 @@ int main(int argc, char** argv) {
                    "0.0.0.0; several are allowed (default: loopback)")
         ->type_name("ADDRESS");
     app.add_option("--allow-host", wanted.hosts,
-                   "a host that URL parameters may name, such as gateway.example or 127.0.0.1:7411; several are "
-                   "allowed (default: none)")
+                   "a host that URL parameters and health probes may name, such as gateway.example or 127.0.0.1:7411; "
+                   "several are allowed (default: none)")
         ->type_name("HOST[:PORT]");
     app.add_option(
            "--allow-path", wanted.paths,

@@ -34,6 +34,7 @@ private:
     }
 
     task<process_host::start_response> begin(process_host::start_request request) {
+        co_await this_task::ignore_cancellation; // what was launched is known, also where nobody waits for it any more
         std::string path;
         std::string why;
         try {

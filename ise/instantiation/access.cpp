@@ -56,4 +56,24 @@ void check_setting(server_context& here, const verified_peer* by, const std::str
     check(here, by, wanted, path);
 }
 
+std::optional<failure> objection_to_read(server_context& here, const verified_peer* by, const std::string& path,
+                                         bool keep) {
+    auto* policy = here.self.services().access();
+    if (!policy) return {};
+    const std::string named[] = {path};
+    access::request wanted;
+    wanted.what = access::action::read;
+    wanted.targets = named;
+    auto denied = policy->objection(by, wanted, here.self.path(), false);
+    if (denied && keep) (void)policy->objection(by, wanted, here.self.path(), true); // only a refusal is news
+    return denied;
+}
+
+verified_peer peer_of(const subscriber_info& who) {
+    verified_peer made;
+    made.who = who.who;
+    made.from = who.peer;
+    return made;
+}
+
 } // namespace ise::instantiation

@@ -2,9 +2,11 @@
 #include <ise/access/policy.hpp>
 #include <ise/instantiation/server_context.hpp>
 #include <ise/instantiation/services.hpp>
+#include <ise/subscription/subscriber_group.hpp>
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 
 namespace ise::instantiation {
@@ -20,5 +22,11 @@ void check_roles(server_context& here, const verified_peer* by, const std::map<s
 /// The same for a parameter of a component.
 void check_setting(server_context& here, const verified_peer* by, const std::string& path,
                    const std::string& parameter);
+/// What the access policy has against `by` reading what the component at that path reports, which includes what it
+/// prints; with `keep` a refusal is a line of the audit log.
+std::optional<failure> objection_to_read(server_context& here, const verified_peer* by, const std::string& path,
+                                         bool keep);
+/// What is known of a subscriber; one of this process is asked like its identity.
+verified_peer peer_of(const subscriber_info& who);
 
 } // namespace ise::instantiation

@@ -127,6 +127,16 @@ void add_listening(launch_plan& to, const type_info& type, const start_request& 
     }
 }
 
+result<void> add_probe(launch_plan& to, const start_request& request, const launch_rules& rules) {
+    if (request.terms.probe.empty()) return {};
+    auto target = parse_probe(request.terms.probe);
+    if (!target) return target.error();
+    auto may = rules.may_probe(target->at, to.listen);
+    if (!may) return wrong(fmt::format("'{}' cannot be probed: {}", shown(request.terms.probe), may.error().message()));
+    to.probe = std::move(*target);
+    return {};
+}
+
 result<void> add_variables(launch_plan& to, const type_info& type, const start_request& request) {
     if (request.variables.size() > type.variables.size())
         if (type.variables.empty())
@@ -285,6 +295,8 @@ result<launch_plan> catalogue::plan(const start_request& request, const launch_r
     auto arguments = add_arguments(made, type, request, rules);
     if (!arguments) return arguments.error();
     add_listening(made, type, request);
+    auto probe = add_probe(made, request, rules);
+    if (!probe) return probe.error();
     auto roles = add_roles(made, request);
     if (!roles) return roles.error();
     auto variables = add_variables(made, type, request);

@@ -1,8 +1,10 @@
 #pragma once
 #include <ise/instantiation/launch_rules.hpp>
+#include <ise/instantiation/probe.hpp>
 #include <ise/instantiation/services.hpp>
 
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,6 +18,7 @@ struct launch_plan {
     std::vector<endpoint> listen; ///< also those that parameters name
     std::vector<std::string> words;
     std::vector<std::pair<std::string, std::string>> variables;
+    std::optional<probe_target> probe;
 };
 
 /// The component types that can be started: what the programs of a folder said of themselves.
@@ -35,8 +38,8 @@ public:
     const std::vector<std::string>& problems() const noexcept { return problems_; }
 
     /// What a request comes to. errc::no_such_name: no such type; errc::invalid_argument: a path that is none, a
-    /// parameter, endpoint or variable that is not allowed. Always with what there is, or what is allowed. `unique`
-    /// makes local endpoints of their own.
+    /// parameter, endpoint, variable or probe that is not allowed. Always with what there is, or what is allowed.
+    /// `unique` makes local endpoints of their own.
     result<launch_plan> plan(const start_request& request, const launch_rules& rules, std::uint64_t unique) const;
 
 private:

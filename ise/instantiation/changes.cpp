@@ -80,6 +80,7 @@ task<change_response> changes::change_to(start_request to, bool only_in_place, c
         std::string path;
         ~changing() { all.erase(path); }
     } guard{changing_, planned.path};
+    instances_.check_room(to);
     change_response made;
     made.former = one->asked;
     for (auto& variable : made.former.variables) variable.value.clear(); // secrets stay here
@@ -94,6 +95,8 @@ task<change_response> changes::change_to(start_request to, bool only_in_place, c
         if (!settings.empty()) {
             auto taken = co_await set_parameters(one, std::move(settings));
             if (!taken) throw error(taken.error());
+            if (table_.find(one->plan.path) != one)
+                throw error(errc::refused, fmt::format("'{}' was forgotten while it was changed", one->plan.path));
         }
         if (!others.empty()) made.way = change_way::in_place;
         if (!others.empty() || one->asked.deployment != to.deployment) {
@@ -112,13 +115,24 @@ task<change_response> changes::change_to(start_request to, bool only_in_place, c
     become(one, std::move(to), std::move(planned));
     made.undo = one->undo;
     if (is.rebuilt) shared_.replace_that_of(*one);
+    auto stops = one->watch.stops();
     instances_.carry_out(one, one->watch.restart(here_.self.now()));
-    made.outcome = co_await starting_.until_ready(one);
+    try {
+        made.outcome = co_await starting_.until_ready(one);
+    } catch (...) { // whoever asked for it has given up
+        bool undone = !here_.stopping && !runs(one->watch) && table_.goes_on(one, stops);
+        if (undone && !was_up) starting_.give_up(one);
+        if (undone) roll_back(one, std::move(asked), std::move(former), was_up);
+        throw;
+    }
     if (made.outcome.outcome == start_outcome::ready) co_return made;
-    become(one, std::move(asked), std::move(former));
     made.undo = 0;
-    if (was_up) { // what ran well goes on as it was
-        instances_.carry_out(one, one->watch.restart(here_.self.now()));
+    if (table_.find(one->plan.path) != one) co_return made; // it was forgotten
+    bool stopped = !table_.goes_on(one, stops);             // the last word
+    bool again = was_up && !stopped;
+    roll_back(one, std::move(asked), std::move(former), again);
+    if (stopped) made.outcome.why += "; it was stopped meanwhile";
+    if (again) {
         auto back = co_await starting_.until_ready(one);
         made.outcome.why += back.outcome == start_outcome::ready
                                 ? "; it runs again as before"
@@ -165,6 +179,11 @@ void changes::become(const instance_ptr& one, start_request asked, launch_plan p
     one->watch.use(one->asked.terms);
     probes_.begin(one);
     instances_.announce(*one);
+}
+
+void changes::roll_back(const instance_ptr& one, start_request asked, launch_plan plan, bool again) {
+    become(one, std::move(asked), std::move(plan));
+    if (again) instances_.carry_out(one, one->watch.restart(here_.self.now()));
 }
 
 } // namespace ise::instantiation

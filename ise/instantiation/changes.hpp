@@ -18,8 +18,8 @@ public:
           starting_(starting) {}
 
     /// Returns how it was changed, or why it was not. errc::refused: there is no such instance, it has something
-    /// against it, or the change cannot be undone. Cancellation: terminal; an instance that was being restarted is
-    /// ended.
+    /// against it, or the change cannot be undone. Cancellation: terminal; an instance that was being restarted is what
+    /// it was before, and runs if it ran.
     /// errc::access_denied: the access policy does not let `by`, who lives as long as it runs.
     task<change_response> change(change_request what, const verified_peer* by);
     /// Sets parameters in place. errc::refused with what can be set. Cancellation: terminal; the parameters may have
@@ -29,6 +29,8 @@ public:
 private:
     task<change_response> change_to(start_request to, bool only_in_place, const verified_peer* by);
     task<result<void>> set_parameters(instance_ptr one, std::vector<argument> settings);
+    /// It is what it was before a change, and runs `again` so.
+    void roll_back(const instance_ptr& one, start_request asked, launch_plan plan, bool again);
     void become(const instance_ptr& one, start_request asked, launch_plan plan);
 
     server_context& here_;

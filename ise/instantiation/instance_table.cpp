@@ -22,6 +22,10 @@ instance_ptr instance_table::at(const std::string& path) const {
                                            known.empty() ? "are none" : fmt::format("are {}", fmt::join(known, ", "))));
 }
 
+bool instance_table::goes_on(const instance_ptr& one, std::uint64_t stops) const {
+    return find(one->plan.path) == one && one->watch.stops() == stops;
+}
+
 instance_ptr instance_table::add(start_request request, launch_plan plan) {
     auto path = plan.path;
     auto output = output_of(path, request.process);

@@ -24,6 +24,8 @@ public:
     instance_ptr find(const std::string& path) const;
     /// Throws errc::refused with what there is.
     instance_ptr at(const std::string& path) const;
+    /// Whether it has not been forgotten, and nobody has stopped it since `supervision::stops()` was that.
+    bool goes_on(const instance_ptr& one, std::uint64_t stops) const;
     instance_ptr add(start_request request, launch_plan plan);
     /// With its output, unless others have it too.
     void remove(const std::string& path);

@@ -78,7 +78,12 @@ supervisor::actions instantiation_server::parts::actions() {
         probes.begin(one);
         if (!one->asked.process.empty()) shared.tend();
     };
-    made.publish = [this](const host_event& event) { events(event); };
+    made.publish = [this](const host_event& event) {
+        events.publish_if(event, [&](const subscriber_info& who) {
+            auto by = peer_of(who);
+            return !objection_to_read(here, &by, event.instance.path, false);
+        });
+    };
     return made;
 }
 
@@ -112,14 +117,16 @@ void instantiation_server::parts::offer_services() {
         return changing.change(std::move(request), by.verified);
     });
     self.provide(services::check, [this](checks_request request) { return checking.check(std::move(request)); });
-    self.provide(services::instances, [this](instances_request request) {
+    self.provide(services::instances, [this](instances_request request, const call_context& by) {
         instances_response made;
         for (const auto& [path, one] : table.instances())
-            if (naming::lies_below(path, request.prefix)) made.instances.push_back(table.info_of(*one));
+            if (naming::lies_below(path, request.prefix) && !objection_to_read(here, by.verified, path, false))
+                made.instances.push_back(table.info_of(*one));
         return made;
     });
-    self.provide(services::last_output, [this](output_request request) {
+    self.provide(services::last_output, [this](output_request request, const call_context& by) {
         constexpr std::uint32_t most = 1 << 20;
+        if (auto denied = objection_to_read(here, by.verified, request.path, true)) throw error(std::move(*denied));
         auto piece = table.at(request.path)->output->last(std::min(request.max_bytes, most));
         piece.path = request.path;
         return piece;

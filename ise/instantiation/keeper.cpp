@@ -360,6 +360,25 @@ std::vector<std::string> keeper_words(const launch_order& what, const std::strin
     return words;
 }
 
+std::string line_of_keeper(int from, std::chrono::milliseconds limit) {
+    std::string text;
+    std::array<char, 512> piece;
+    auto until = keeper_clock::now() + limit;
+    while (text.find('\n') == std::string::npos) {
+        auto left = std::chrono::duration_cast<std::chrono::milliseconds>(until - keeper_clock::now()).count();
+        if (left <= 0) break;
+        pollfd more{from, POLLIN, 0};
+        auto ready = ::poll(&more, 1, static_cast<int>(left));
+        if (ready < 0 && errno == EINTR) continue;
+        if (ready <= 0) break;
+        auto got = ::read(from, piece.data(), piece.size());
+        if (got < 0 && errno == EINTR) continue;
+        if (got <= 0) break;
+        text.append(piece.data(), static_cast<std::size_t>(got));
+    }
+    return text.substr(0, text.find('\n'));
+}
+
 std::optional<int> keep_if_asked(int count, const char* const* words) {
     if (count < 2 || std::strcmp(words[1], keeper_word) != 0) return {};
     const char* mark = std::getenv(keeper_variable);

@@ -1,6 +1,7 @@
 #pragma once
 #include <ise/instantiation/launch_order.hpp>
 
+#include <chrono>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,6 +17,10 @@ inline constexpr const char* keeper_word = "keep-instance";
 
 /// The words that make the instantiation server's program a keeper.
 std::vector<std::string> keeper_words(const launch_order& what, const std::string& cgroup);
+
+/// The line in which a keeper says what became of its start, read from its output; empty: it said nothing within
+/// `limit`. Blocks.
+std::string line_of_keeper(int from, std::chrono::milliseconds limit);
 
 /// If a program was started with these words: its exit code when it has been a keeper to the end.
 std::optional<int> keep_if_asked(int count, const char* const* words);

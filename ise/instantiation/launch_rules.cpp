@@ -100,6 +100,22 @@ result<endpoint> launch_rules::may_listen(const std::string& text) const {
     return at;
 }
 
+result<void> launch_rules::may_probe(const endpoint& at, const std::vector<endpoint>& listen) const {
+    auto is_there = [&](const endpoint& one) {
+        bool every_address = one.host == "0.0.0.0" || one.host == "::";
+        return one.has_port() && !one.kind->lossy && one.port == at.port && (every_address || one.host == at.host);
+    };
+    if (may_listen_at(*this, at.host) && std::ranges::any_of(listen, is_there)) return {};
+    url_parts who;
+    who.scheme = "tcp";
+    who.host = at.host;
+    who.port = at.port;
+    auto may = may_reach(*this, who);
+    if (may) return {};
+    return not_allowed(
+        fmt::format("the component does not listen there by `listen` or a parameter: {}", may.error().message()));
+}
+
 result<void> launch_rules::may_be(const parameter& of, const std::string& value) const {
     if (value.empty()) return {};
     result<void> may;

@@ -22,6 +22,9 @@ struct launch_rules {
 
     /// Whether a component may listen there.
     result<endpoint> may_listen(const std::string& text) const;
+    /// Whether a component that listens on these endpoints may have a health probe at that address: one of them, or a
+    /// host that parameters may name.
+    result<void> may_probe(const endpoint& at, const std::vector<endpoint>& listen) const;
     /// Whether a parameter may have a value that `ise::check` let pass: by its kind, for all that names something
     /// outside the component. A URL in a text counts as one, and a file that a URL of PostgreSQL names as a path.
     result<void> may_be(const parameter& of, const std::string& value) const;

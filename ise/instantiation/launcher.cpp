@@ -1,5 +1,6 @@
 #include <ise/instantiation/common_order.hpp>
 #include <ise/instantiation/launcher.hpp>
+#include <ise/instantiation/refusal.hpp>
 
 #include <fmt/format.h>
 
@@ -16,6 +17,7 @@ task<> launcher::launch(instance_ptr one, std::uint64_t life) {
     if (one->watch.state() != instance_state::starting) why = "it was stopped before it was started";
     else if (one->plan.program.empty())
         why = fmt::format("no program here has the type '{}' any more, or not with these arguments", one->asked.type);
+    else why = objection_to_own(one->asked, here_.options.rules); // what was taken over was allowed by other rules
     if (!why.empty()) instances_.carry_out(one, one->watch.not_launched(here_.self.now(), why));
     else if (one->asked.process.empty()) co_await launch_alone(one, life);
     else co_await shared_.launch(one, life);

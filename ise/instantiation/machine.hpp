@@ -90,6 +90,8 @@ public:
     /// The same, and room for as much is kept for the next time, so that a full disk does not stop it. The file may end
     /// in spaces.
     virtual result<void> replace_reserved(const std::string& path, const std::string& content) = 0;
+    /// In place of what may be there. errc::io_failed.
+    virtual result<void> rename(const std::string& from, const std::string& to) = 0;
     /// Bytes of a file; 0 if there is none.
     virtual std::uint64_t size_of(const std::string& path) const = 0;
     /// At most `max_bytes` from an offset on; empty at its end.

@@ -1,3 +1,4 @@
+#include <ise/instantiation/access.hpp>
 #include <ise/instantiation/output_feed.hpp>
 
 #include <fmt/format.h>
@@ -9,6 +10,8 @@ namespace ise::instantiation {
 output_feed::output_feed(server_context& here, const instance_table& table) : here_(here), table_(table) {
     publication_callbacks<std::remove_const_t<decltype(services::output)>> callbacks;
     callbacks.on_subscribe = [this](const follow_request& request, const subscriber_info& who) -> result<nothing> {
+        auto by = peer_of(who);
+        if (auto denied = objection_to_read(here_, &by, request.path, true)) return std::move(*denied);
         if (!table_.find(request.path))
             return failure(errc::refused,
                            fmt::format("no instance '{}' was started here", request.path.substr(0, 200)));
@@ -37,7 +40,9 @@ void output_feed::look() {
             piece.path = path;
             output_.publish_if(piece, [&](const subscriber_info& who) {
                 auto found = followers_.find(who.number);
-                return found != followers_.end() && found->second == path;
+                auto by = peer_of(who);
+                return found != followers_.end() && found->second == path &&
+                       !objection_to_read(here_, &by, path, false);
             });
         }
     }

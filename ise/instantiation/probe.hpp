@@ -4,7 +4,6 @@
 #include <memory>
 #include <string>
 #include <string_view>
-#include <vector>
 
 namespace ise::instantiation {
 
@@ -16,9 +15,8 @@ struct probe_target {
     std::string path; ///< of http
 };
 
-/// Reads "tcp://127.0.0.1:8080" or "http://127.0.0.1:8080/path". The address must be one of `allowed`, those that
-/// components may listen on. errc::invalid_argument says what is allowed.
-result<probe_target> parse_probe(std::string_view text, const std::vector<std::string>& allowed);
+/// Reads "tcp://127.0.0.1:8080" or "http://127.0.0.1:8080/path". errc::invalid_argument says how it is written.
+result<probe_target> parse_probe(std::string_view text);
 
 /// Asks once, within `limit` once the connection is made; the time to connect is bounded by the system. The error says
 /// why there was no good answer. Cancellation: terminal.

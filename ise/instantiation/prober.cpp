@@ -26,27 +26,22 @@ task<> attempt(component& self, probe_target target, duration limit, std::shared
 } // namespace
 
 void prober::begin(const instance_ptr& one) {
-    bool due =
-        one->watch.state() == instance_state::ready && !one->asked.terms.probe.empty() && one->probed_life != one->life;
+    bool due = one->watch.state() == instance_state::ready && one->plan.probe && one->probed_life != one->life;
     if (!due) return;
     one->probed_life = one->life;
     here_.self.spawn("probe of " + one->plan.path, follow(one, one->life));
 }
 
 task<> prober::follow(instance_ptr one, std::uint64_t life) {
-    auto lives = [&] {
-        return life == one->life && one->watch.state() == instance_state::ready && !one->asked.terms.probe.empty();
-    };
+    auto lives = [&] { return life == one->life && one->watch.state() == instance_state::ready && one->plan.probe; };
     std::uint32_t failures = 0;
     while (lives()) {
         auto began = here_.self.now();
         auto terms = one->asked.terms;
-        auto target = parse_probe(terms.probe, here_.options.rules.listen_addresses);
+        auto target = *one->plan.probe;
         auto limit = std::min(terms.probe_every, max_answer);
         auto state = std::make_shared<probe_attempt>();
-        if (target) here_.self.spawn("probe", attempt(here_.self, *target, limit, state));
-        else state->outcome = target.error();
-        state->over = !target.has_value();
+        here_.self.spawn("probe", attempt(here_.self, std::move(target), limit, state));
         // A connection may take the system minutes: then it has failed, and no other is tried meanwhile.
         while (!state->over && here_.self.now() < saturating_add(began, limit + probe_look_pause))
             co_await here_.self.sleep(probe_look_pause);

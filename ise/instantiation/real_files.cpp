@@ -92,6 +92,11 @@ result<void> real_machine::replace_file(const std::string& path, const std::stri
     return replace_own_file(path, content);
 }
 
+result<void> real_machine::rename(const std::string& from, const std::string& to) {
+    if (::rename(from.c_str(), to.c_str()) != 0) return refused("rename", from);
+    return {};
+}
+
 std::uint64_t real_machine::size_of(const std::string& path) const {
     struct stat about {};
     return ::stat(path.c_str(), &about) == 0 ? static_cast<std::uint64_t>(about.st_size) : 0;

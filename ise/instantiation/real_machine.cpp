@@ -139,24 +139,7 @@ std::unique_ptr<process> watched(loop& on, kept_entry who, file_handle watch,
     return std::make_unique<handle>(std::move(made));
 }
 
-// The line in which a keeper says what became of its start; empty: it said nothing.
-std::string line_of_keeper(int from) {
-    constexpr int max_start_ms = 5000;
-    std::string text;
-    std::array<char, 512> piece;
-    auto until = std::chrono::steady_clock::now() + std::chrono::milliseconds(max_start_ms);
-    while (text.find('\n') == std::string::npos) {
-        auto left =
-            std::chrono::duration_cast<std::chrono::milliseconds>(until - std::chrono::steady_clock::now()).count();
-        pollfd more{from, POLLIN, 0};
-        if (left <= 0 || (::poll(&more, 1, static_cast<int>(left)) <= 0 && errno != EINTR)) break;
-        auto got = ::read(from, piece.data(), piece.size());
-        if (got < 0 && errno == EINTR) continue;
-        if (got <= 0) break;
-        text.append(piece.data(), static_cast<std::size_t>(got));
-    }
-    return text.substr(0, text.find('\n'));
-}
+constexpr auto max_start_time = std::chrono::seconds(5);
 
 } // namespace
 
@@ -231,7 +214,7 @@ result<std::unique_ptr<process>> real_machine::launch(loop& on, const launch_ord
     auto pid = spawn(order, writing.get());
     if (!pid) return pid.error();
     writing = file_handle();
-    auto outcome = line_of_keeper(reading.get());
+    auto outcome = line_of_keeper(reading.get(), max_start_time);
     kept_entry who;
     who.mark = what.mark;
     auto keeper = look_up(*pid); // not reaped: the number is its own, whatever it does

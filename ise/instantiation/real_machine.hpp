@@ -37,6 +37,7 @@ public:
     result<std::string> read_file(const std::string& path, std::size_t max_bytes) const override;
     result<void> replace_file(const std::string& path, const std::string& content) override;
     result<void> replace_reserved(const std::string& path, const std::string& content) override;
+    result<void> rename(const std::string& from, const std::string& to) override;
     std::uint64_t size_of(const std::string& path) const override;
     std::string read_part(const std::string& path, std::uint64_t offset, std::size_t max_bytes) const override;
     void remove(const std::string& path) override;

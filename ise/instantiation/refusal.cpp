@@ -1,8 +1,8 @@
 #include <ise/instantiation/refusal.hpp>
 
 #include <ise/instantiation/own_user.hpp>
-#include <ise/instantiation/probe.hpp>
 #include <ise/instantiation/words.hpp>
+#include <ise/naming/services.hpp>
 
 #include <fmt/format.h>
 
@@ -10,29 +10,20 @@ namespace ise::instantiation {
 
 using namespace std::chrono_literals;
 
-namespace {
-
-[[noreturn]] void refuse_own(std::string why) { throw error(errc::invalid_argument, std::move(why)); }
-
-// Its own identity and user.
-void check_own(const start_request& request, const launch_rules& rules) {
-    if (request.identity.empty() && request.user.empty()) return;
+std::string objection_to_own(const start_request& request, const launch_rules& rules) {
+    if (request.identity.empty() && request.user.empty()) return {};
     if (!request.process.empty())
-        refuse_own("identity and user belong to a whole process: a component that shares one cannot have its own");
+        return "identity and user belong to a whole process: a component that shares one cannot have its own";
     if (!request.identity.empty() && !is_word(request.identity))
-        refuse_own(fmt::format("'{}' is no name of an identity: it is that of a folder, of lower-case letters, digits, "
-                               "- and _",
-                               shown(request.identity)));
+        return fmt::format("'{}' is no name of an identity: it is that of a folder, of lower-case letters, digits, - "
+                           "and _",
+                           shown(request.identity));
     if (!request.identity.empty() && rules.identities_folder.empty())
-        refuse_own(fmt::format("this instantiation server has no certificates for the identity '{}': start it with "
-                               "--identities FOLDER",
-                               request.identity));
-    if (request.user.empty()) return;
-    auto objection = objection_to_user(request.user, rules);
-    if (!objection.empty()) refuse_own(objection);
+        return fmt::format("this instantiation server has no certificates for the identity '{}': start it with "
+                           "--identities FOLDER",
+                           request.identity);
+    return request.user.empty() ? std::string() : objection_to_user(request.user, rules);
 }
-
-} // namespace
 
 void check_wishes(const start_request& request, const launch_rules& rules) {
     const auto& terms = request.terms;
@@ -48,11 +39,16 @@ void check_wishes(const start_request& request, const launch_rules& rules) {
     if (!within(terms.probe_every, 100ms, 1h)) refuse("a probe is sent every 100 ms to every hour");
     if (terms.probe_failures < 1 || terms.probe_failures > 1000)
         refuse("a probe may fail 1 to 1000 times on end before the component is started again");
-    if (!terms.probe.empty()) parse_probe(terms.probe, rules.listen_addresses).value();
+    const auto& deployment = request.deployment;
+    if (!deployment.empty() && (deployment.size() > naming::max_path || !naming::is_path(deployment)))
+        refuse(fmt::format("'{}' is not the name of a deployment: letters, digits, -, _ and . make one, of at most {} "
+                           "bytes",
+                           shown(deployment), naming::max_path));
     check(request.limits).value();
     if (!request.process.empty() && !(request.limits == resource_limits()))
         refuse("limits belong to a whole process: a component that shares one cannot be given its own");
-    check_own(request, rules);
+    auto objection = objection_to_own(request, rules);
+    if (!objection.empty()) refuse(objection);
 }
 
 start_response refusal(const error& why) {

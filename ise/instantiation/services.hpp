@@ -245,6 +245,7 @@ inline constexpr request_response<types_request, types_response> types{"ise.host
 /// Completes when the component is ready: registered and answering. Else it does not run any more, and the outcome says
 /// why. A caller that gives up ends what it began.
 inline constexpr request_response<start_request, start_response> start{"ise.host.start"};
+/// Those that the caller may read, by the access policy; so also `events`.
 inline constexpr request_response<instances_request, instances_response> instances{"ise.host.instances"};
 /// SIGTERM to the whole process group, SIGKILL after the grace; completes when nothing of it runs.
 /// errc::refused names the instances that there are; also of the services below.
@@ -252,11 +253,12 @@ inline constexpr request_response<stop_request, ended_response> stop{"ise.host.s
 /// The same at once by SIGKILL. It is not started again. A component that shares a process is stopped; where it does
 /// not end at once, nor within the grace of a stop, its process is killed with all that runs in it.
 inline constexpr request_response<kill_request, ended_response> kill{"ise.host.kill"};
-/// Stops it if it runs and starts it with the same arguments; completes and fails as `start` does.
+/// Stops it if it runs and starts it with the same arguments; completes and fails as `start` does. It goes on where its
+/// caller gives up.
 inline constexpr request_response<restart_request, start_response> restart{"ise.host.restart"};
 /// Changes what runs: parameters that may change while it runs in place, for others it is started again. What it
-/// becomes holds from then on, also after a restart by its terms. errc::refused as above, and where it is being changed
-/// already.
+/// becomes holds from then on, also after a restart by its terms. A caller that gives up before it is ready undoes the
+/// change. errc::refused as above, and where it is being changed already.
 inline constexpr request_response<change_request, change_response> change{"ise.host.change"};
 /// Whether components could be started or changed so: types, parameters, addresses, hosts and folders that are allowed,
 /// names that others hold, ports in use (but those of instances of the same deployment, and what runs under the same
@@ -266,6 +268,7 @@ inline constexpr request_response<checks_request, checks_response> check{"ise.ho
 /// errc::refused also: no such parameter or value, one that takes a restart, or the component has something against
 /// it.
 inline constexpr request_response<set_request, set_response> set{"ise.host.set"};
+/// errc::access_denied: the access policy does not let the caller read that component; so also `output`.
 inline constexpr request_response<output_request, output_piece> last_output{"ise.host.output"};
 inline constexpr subscription<output_piece, follow_request> output{"ise.host.output_follow"};
 inline constexpr subscription<host_event> events{"ise.host.events"};

@@ -11,6 +11,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr duration one_answer = 5s;
+constexpr duration least_start_wait = 10s; // starts in a process wait for one another
 constexpr duration look_pause = 100ms;
 constexpr duration thread_grace = 2s;  // of a component that is to end at once
 constexpr duration process_grace = 8s; // its node's own limits come first
@@ -117,15 +118,16 @@ task<> shared_processes::launch(instance_ptr one, std::uint64_t life) {
     member.life = life;
     process_host::start_request order;
     order.words.assign(one->plan.words.begin() + 1, one->plan.words.end());
-    auto response = co_await where->host.try_call(process_host::start, std::move(order), one->asked.terms.ready_within);
+    auto wait = std::max(one->asked.terms.ready_within, least_start_wait);
+    auto response = co_await where->host.try_call(process_host::start, std::move(order), wait);
     auto found = where->members.find(path);
     bool here = !where->over && found != where->members.end() && found->second.life == life;
     if (life != one->life || !here) co_return; // it has ended, and so did its process
     bool wanted = one->watch.state() == instance_state::starting || one->watch.state() == instance_state::stopping;
     if (!response || !wanted) {
-        where->members.erase(found);
-        if (!response && response.error().code() != errc::refused) where->running->kill(); // whatever it is doing
-        if (response) stop_in(where, path);
+        where->members.erase(found); // what may run there for nobody is found by `compare`
+        bool unclear = !response && response.error().code() != errc::refused;
+        if (unclear && where->members.empty()) where->running->kill(); // whatever it is doing
         if (wanted) instances_.carry_out(one, one->watch.not_launched(here_.self.now(), response.error().message()));
         else tend();
         co_return;
@@ -177,12 +179,13 @@ task<> shared_processes::follow(shared_process_ptr where) {
     while (!where->over) {
         process_host::components_request what;
         auto response = co_await where->host.try_call(process_host::components, what, one_answer);
-        if (response && !where->over) compare(*where, *response);
+        if (response && !where->over) compare(where, *response);
         co_await here_.self.sleep(look_pause);
     }
 }
 
-void shared_processes::compare(shared_process& of, const process_host::components_response& result) {
+void shared_processes::compare(const shared_process_ptr& where, const process_host::components_response& result) {
+    auto& of = *where;
     std::vector<std::pair<shared_process::member, process_end>> ended;
     bool stuck = false;
     for (auto& [path, member] : of.members) {
@@ -208,6 +211,8 @@ void shared_processes::compare(shared_process& of, const process_host::component
         of.members.erase(one->plan.path);
         instances_.ended(one, member.life, std::move(how));
     }
+    for (const auto& each : result.components) // its start was given up before it was answered
+        if (!each.over && !of.members.contains(each.path)) stop_in(where, each.path);
     if (stuck && of.running) of.running->kill(); // a thread of it goes on for nobody
 }
 

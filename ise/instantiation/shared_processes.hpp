@@ -40,7 +40,7 @@ private:
     void stop_in(const shared_process_ptr& where, const std::string& path);
     task<> kill_if_stuck(shared_process_ptr where, std::string path, std::uint64_t life);
     task<> follow(shared_process_ptr where);
-    void compare(shared_process& of, const process_host::components_response& result);
+    void compare(const shared_process_ptr& where, const process_host::components_response& result);
 
     server_context& here_;
     instance_table& table_;

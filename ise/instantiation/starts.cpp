@@ -38,11 +38,18 @@ task<start_response> starts::begin(start_request request, const verified_peer* b
     co_await names_.check_free(what.path);
     check_room(what.path); // others may have come meanwhile
     check_endpoints(here_.self, what.listen);
+    instances_.check_room(request);
     auto one = instances_.add(std::move(request), std::move(what));
     if (table_.prints_alone(*one)) one->output->remove();
     instances_.carry_out(one, one->watch.start(here_.self.now()));
-    auto response = co_await until_ready(one);
-    co_return response;
+    auto life = one->life;
+    try {
+        auto response = co_await until_ready(one);
+        co_return response;
+    } catch (...) { // whoever asked for it has given up
+        if (one->life == life) give_up(one);
+        throw;
+    }
 }
 
 task<start_response> starts::restart(std::string path) {
@@ -59,29 +66,33 @@ task<start_response> starts::restart(std::string path) {
 
 task<start_response> starts::begin_again(instance_ptr one) {
     check_rate();
+    auto stops = one->watch.stops();
+    co_await types_.refresh();
+    if (!table_.goes_on(one, stops))
+        throw error(errc::refused, fmt::format("'{}' was stopped while its restart began", one->plan.path));
     auto asked = one->asked;
     asked.path = one->plan.path;
     asked.name_space.clear();
-    auto what = co_await types_.plan(std::move(asked));
-    one->plan = std::move(what);
+    auto objection = objection_to_own(asked, here_.options.rules);
+    if (!objection.empty()) throw error(errc::invalid_argument, objection); // it runs on
+    one->plan = types_.known().plan(asked, here_.options.rules, here_.self.env().random()).value();
     instances_.carry_out(one, one->watch.restart(here_.self.now()));
     auto response = co_await until_ready(one);
     co_return response;
 }
 
+void starts::give_up(const instance_ptr& one) {
+    if (here_.stopping || one->watch.state() != instance_state::starting) return;
+    instances_.carry_out(one,
+                         one->asked.process.empty()
+                             ? one->watch.kill(here_.self.now())
+                             : one->watch.stop(here_.self.now(), one->asked.terms.grace)); // others share its process
+}
+
 task<start_response> starts::until_ready(instance_ptr one) {
     auto life = one->life;
-    try {
-        while (one->watch.state() == instance_state::starting || one->watch.state() == instance_state::stopping)
-            co_await next_change(here_.self.on(), one);
-    } catch (...) { // whoever waited has given up: it does not go on by itself
-        if (one->watch.state() == instance_state::starting && !here_.stopping)
-            instances_.carry_out(
-                one, one->asked.process.empty()
-                         ? one->watch.kill(here_.self.now())
-                         : one->watch.stop(here_.self.now(), one->asked.terms.grace)); // others share its process
-        throw;
-    }
+    while (one->watch.state() == instance_state::starting || one->watch.state() == instance_state::stopping)
+        co_await next_change(here_.self.on(), one);
     start_response made;
     made.started = one->text();
     if (one->watch.state() == instance_state::ready) co_return made;

@@ -17,13 +17,16 @@ public:
     /// Returns when it is ready, or why it is not. Cancellation: terminal; what was being started is ended.
     /// errc::access_denied: the access policy does not let `by`, who lives as long as it runs.
     task<start_response> start(start_request request, const verified_peer* by);
-    /// The same with an instance that is known; errc::refused: there is none. Cancellation: as `start`.
+    /// The same with an instance that is known; errc::refused: there is none. Cancellation: terminal; the restart goes
+    /// on.
     task<start_response> restart(std::string path);
     /// Returns when it has ended. errc::refused: there is no such instance. Cancellation: terminal; it ends all the
     /// same.
     task<ended_response> end(stop_request how, bool at_once);
-    /// Waits for what becomes of an instance that is starting. Cancellation: as `start`.
+    /// Waits for what becomes of an instance that is starting. Cancellation: terminal; it goes on.
     task<start_response> until_ready(instance_ptr one);
+    /// Ends an instance that is starting, and that nobody waits for any more.
+    void give_up(const instance_ptr& one);
     /// Counts a start. Throws errc::overloaded where there were too many.
     void check_rate();
     /// What is answered in place of an instance. Where too many were started, with the time until there is room.

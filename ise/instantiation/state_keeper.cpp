@@ -4,14 +4,27 @@
 
 namespace ise::instantiation {
 
-result<void> state_keeper::try_save() {
+saved_state state_keeper::now() const {
     saved_state state;
     state.boot = here_.host.boot();
     for (const auto& [path, one] : table_.instances()) state.instances.push_back(one->saved());
     for (const auto& [name, one] : table_.processes())
         state.processes.push_back(
             {name, one->program, one->mark, one->running ? one->running->stamp() : process_stamp{}, one->version});
-    auto kept = save_state(here_.host, file(), state);
+    return state;
+}
+
+void state_keeper::check_room(const start_request& more) const {
+    auto state = now();
+    state.instances.emplace_back().asked = more;
+    if (text_of(state, max_accepted_bytes)) return;
+    throw error(errc::overloaded, fmt::format("with it the state of this instantiation server would exceed {} bytes "
+                                              "(max_accepted_bytes): ise stop --forget instances that are not needed",
+                                              max_accepted_bytes));
+}
+
+result<void> state_keeper::try_save() {
+    auto kept = save_state(here_.host, file(), now());
     if (!kept) here_.self.log().error(fmt::format("the state is not on disk: {}", kept.error().message()));
     return kept;
 }

@@ -11,6 +11,8 @@ class state_keeper {
 public:
     state_keeper(server_context& here, const instance_table& table) : here_(here), table_(table) {}
 
+    /// Throws errc::overloaded where the state, with this request more, would be too large to be kept.
+    void check_room(const start_request& more) const;
     /// The whole table goes to the disk. An error is logged, too.
     result<void> try_save();
     void save() { [[maybe_unused]] auto logged = try_save(); }
@@ -18,6 +20,7 @@ public:
     saved_state load();
 
 private:
+    saved_state now() const;
     std::string file() const { return here_.options.state_folder + "/state.json"; }
 
     server_context& here_;

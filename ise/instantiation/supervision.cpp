@@ -70,7 +70,8 @@ supervision::act supervision::not_launched(time_point now, const std::string& wh
     launching_ = false;
     running_ = false;
     if (state_ == instance_state::stopping) return ended(now, true, "it was not started yet");
-    return again_or_fail(now, why);
+    // Whoever launches may find out late: meanwhile it may have been stopped, or be about to be launched again.
+    return state_ == instance_state::starting ? again_or_fail(now, why) : act::nothing;
 }
 
 void supervision::ready() {
@@ -136,6 +137,11 @@ supervision::act supervision::unhealthy(time_point now, const std::string& why) 
 }
 
 supervision::act supervision::stop(time_point now, duration grace) {
+    ++stops_;
+    return begin_stop(now, grace);
+}
+
+supervision::act supervision::begin_stop(time_point now, duration grace) {
     if (state_ == instance_state::failed)
         become(instance_state::stopped, fmt::format("stopped after it had failed: {}", reason_));
     if (over()) return act::nothing;
@@ -164,7 +170,7 @@ supervision::act supervision::restart(time_point now) {
     recent_.clear();
     pause_->reset();
     if (over() || state_ == instance_state::waiting) return start(now);
-    auto first = stop(now, terms_.grace);
+    auto first = begin_stop(now, terms_.grace);
     was_ready_ = false; // whoever asks for it wants to know
     again_ = true;
     return first;

@@ -43,6 +43,8 @@ public:
     act unhealthy(time_point now, const std::string& why);
     act stop(time_point now, duration grace);
     act kill(time_point now);
+    /// How often it was told to stop, or was killed: whoever restarts it looks whether somebody else has since.
+    std::uint64_t stops() const noexcept { return stops_; }
     act restart(time_point now);
     act tick(time_point now);
     time_point next() const noexcept { return next_; }
@@ -58,6 +60,7 @@ public:
 
 private:
     act begin(time_point now);
+    act begin_stop(time_point now, duration grace);
     act again_or_fail(time_point now, const std::string& why);
     void become(instance_state state, std::string reason, time_point next = time_point::max());
 
@@ -69,6 +72,7 @@ private:
     std::string reason_;
     time_point next_ = time_point::max();
     std::uint32_t restarts_ = 0;
+    std::uint64_t stops_ = 0;
     bool was_ready_ = false; // ever: before that a failure is whoever started it's
     bool running_ = false;   // a process
     bool launching_ = false;

@@ -22,6 +22,8 @@ public:
     supervisor(server_context& here, instance_table& table, state_keeper& state, actions does)
         : here_(here), table_(table), state_(state), does_(std::move(does)) {}
 
+    /// Throws errc::overloaded where the state has no room for that request.
+    void check_room(const start_request& more) const { state_.check_room(more); }
     /// A new instance, which is woken when its supervision wants it.
     instance_ptr add(start_request request, launch_plan plan);
     /// Its supervision continues from what was known and published before.

@@ -79,6 +79,7 @@ public:
             server_options options;
             options.programs_folder = "/programs";
             options.state_folder = "/state";
+            options.rules = rules;
             options.name_servers = {
                 ise::endpoint::parse("tcp://" + system.world.host("ns").address() + ":7400").value()};
             node.start<instantiation_server>(path_of_host("shore"), ise::component_options(), host, options);
@@ -156,6 +157,7 @@ public:
     names_test::system system;
     virtual_machine host;
     ise::sim::process* server = nullptr;
+    launch_rules rules; ///< of the next one
     std::vector<std::string> last_words;
 };
 
@@ -408,6 +410,164 @@ TEST_CASE("what has failed is no trouble any more once it was stopped") {
     auto ended = in.call(host_services::stop, request).value().ended;
     CHECK(ended.state == instance_state::stopped);
     CHECK_THAT(ended.reason, Contains("stopped after it had failed: "));
+}
+
+TEST_CASE("a stop during a change is the last word, and leaves no process that nobody tracks") {
+    for (bool forget : {false, true}) {
+        INFO("forget " << forget);
+        harbour in;
+        in.start();
+        change_request request;
+        request.to = in.wanted({{"speed", "8"}, {"course", "reef"}}); // never ready
+        auto changed = in.ask(host_services::change, request);
+        REQUIRE(in.system.world.run_until([&] { return in.host.launches.size() == 2; }, 1min));
+        in.system.world.run_for(1s);
+        stop_request stop;
+        stop.path = "sea/wind";
+        stop.forget = forget;
+        CHECK(in.call(host_services::stop, stop).value().ended.state == instance_state::stopped);
+        REQUIRE(in.system.world.run_until([&] { return changed->has_value(); }, 1h));
+        auto result = (*changed)->value();
+        CHECK(result.outcome.outcome == start_outcome::exited);
+        CHECK(result.undo == 0);
+        in.system.world.run_for(1min);
+        CHECK(in.host.running().empty());
+        CHECK(in.host.launches.size() == 2);
+        auto left = in.instances();
+        CHECK(left.size() == (forget ? 0 : 1));
+        for (const auto& one : left) { // what it was before the change
+            CHECK(one.state == instance_state::stopped);
+            CHECK(one.arguments.size() == 1);
+        }
+    }
+}
+
+TEST_CASE("a component goes on as before where the one who restarts or changes it is lost meanwhile") {
+    for (bool change : {false, true}) {
+        INFO("change " << change);
+        harbour in;
+        in.start();
+        auto& client = in.system.start("shore", "client", [&](ise::node& node) {
+            node.start("", [change](ise::component& self) -> ise::task<> {
+                auto its = self.at("ise/host/shore");
+                change_request other;
+                other.to = harbour::wanted({{"speed", "8"}, {"course", "reef"}}); // never ready
+                restart_request same{"sea/wind"};
+                if (change) {
+                    [[maybe_unused]] auto got = co_await its.try_call(host_services::change, std::move(other), 5min);
+                } else {
+                    [[maybe_unused]] auto got = co_await its.try_call(host_services::restart, std::move(same), 5min);
+                }
+            });
+        });
+        REQUIRE(in.system.world.run_until([&] { return in.host.launches.size() == 2; }, 1min));
+        client.crash();
+        in.system.world.run_for(1min);
+        CHECK(in.host.running().size() == 1);
+        CHECK(in.host.launches.size() == (change ? 3 : 2));
+        CHECK_FALSE(in.has_word("--course=reef"));
+        auto left = in.instances().front();
+        CHECK(left.state == instance_state::ready);
+        CHECK(left.arguments.size() == 1);
+    }
+}
+
+TEST_CASE("what did not run is ended where the one who changes it is lost meanwhile, and so is a first start") {
+    for (bool change : {false, true}) {
+        INFO("change " << change);
+        harbour in;
+        if (change) {
+            in.start();
+            in.call(host_services::stop, stop_request{"sea/wind"}).value();
+        }
+        auto before = in.host.launches.size();
+        auto& client = in.system.start("shore", "client", [&](ise::node& node) {
+            node.start("", [change](ise::component& self) -> ise::task<> {
+                auto its = self.at("ise/host/shore");
+                auto reef = harbour::wanted({{"course", "reef"}});
+                change_request other;
+                other.to = reef;
+                if (change) {
+                    [[maybe_unused]] auto got = co_await its.try_call(host_services::change, std::move(other), 5min);
+                } else {
+                    [[maybe_unused]] auto got = co_await its.try_call(host_services::start, std::move(reef), 5min);
+                }
+            });
+        });
+        REQUIRE(in.system.world.run_until([&] { return in.host.launches.size() > before; }, 1min));
+        in.system.world.run_for(100ms);
+        client.crash();
+        in.system.world.run_for(8s); // sooner than its deadline
+        CHECK(in.host.running().empty());
+        CHECK(in.instances().front().state == instance_state::stopped);
+        if (change) CHECK(in.instances().front().arguments.front().name == "speed");
+    }
+}
+
+TEST_CASE("what is stopped while its launch waits for its name stays stopped") {
+    harbour in;
+    auto what = in.wanted({{"speed", "8"}});
+    what.terms.ready_within = 200ms;
+    what.terms.first_pause = what.terms.max_pause = 1s;
+    what.terms.limit = 100;
+    REQUIRE(in.call(host_services::start, what).value().outcome == start_outcome::ready);
+    // It has a session already: names cannot be resolved later.
+    auto seen = std::make_shared<std::optional<instance_state>>();
+    auto ended = std::make_shared<std::optional<ise::result<ended_response>>>();
+    auto may_stop = std::make_shared<bool>(false);
+    in.system.start("shore", "client", [&](ise::node& node) {
+        node.start("", [seen, ended, may_stop](ise::component& self) -> ise::task<> {
+            auto its = self.at("ise/host/shore");
+            for (;;) {
+                instances_request all;
+                auto got = co_await its.try_call(host_services::instances, std::move(all), 1s);
+                if (got && !got->instances.empty()) *seen = got->instances.front().state;
+                if (*may_stop && !*ended && *seen == instance_state::waiting) {
+                    stop_request stop;
+                    stop.path = "sea/wind";
+                    auto outcome = co_await its.try_call(host_services::stop, std::move(stop), 30s);
+                    ended->emplace(std::move(outcome));
+                }
+                co_await self.sleep(20ms);
+            }
+        });
+    });
+    auto& world = in.system.world;
+    world.run_for(1s);
+    in.system.server->pause();
+    in.host.end(in.host.at("sea/wind"), {true, true, 9});
+    REQUIRE(world.run_until([&] { return *seen == instance_state::starting; }, 10s));
+    *may_stop = true;
+    REQUIRE(world.run_until([&] { return ended->has_value(); }, 10s));
+    CHECK((*ended)->value().ended.state == instance_state::stopped);
+    world.run_for(4s); // the launch gives up the name
+    CHECK(*seen == instance_state::stopped);
+    in.system.server->go_on();
+    world.run_for(20s);
+    CHECK(*seen == instance_state::stopped);
+    CHECK(in.host.running().empty());
+}
+
+TEST_CASE("an instance that was taken over is not started again as what the rules do not allow any more") {
+    harbour in;
+    in.server->crash();
+    in.rules.identities_folder = "/identities";
+    in.open();
+    auto what = in.wanted({{"speed", "8"}});
+    what.identity = "xbee";
+    REQUIRE(in.call(host_services::start, what).value().outcome == start_outcome::ready);
+    in.server->crash();
+    in.rules.identities_folder.clear();
+    in.open();
+    auto again = in.call(host_services::restart, restart_request{"sea/wind"}).value();
+    CHECK(again.outcome == start_outcome::bad_argument);
+    CHECK_THAT(again.why, Contains("--identities"));
+    CHECK(in.instances().front().state == instance_state::ready); // it runs on
+    in.host.end(in.host.at("sea/wind"), {true, true, 9});
+    in.system.world.run_for(10min);
+    CHECK(in.host.launches.size() == 1);
+    CHECK(in.instances().front().state == instance_state::failed);
+    CHECK_THAT(in.instances().front().reason, Contains("has no certificates for the identity 'xbee'"));
 }
 
 } // namespace changing_test

@@ -1,14 +1,18 @@
 // What a keeper needs: limits, its record, and files of bounded size.
 #include <ise/instantiation/bounded_log.hpp>
 #include <ise/instantiation/cgroup.hpp>
+#include <ise/instantiation/keeper.hpp>
 #include <ise/instantiation/limits.hpp>
 
 #include <support/catch.hpp>
 
+#include <cerrno>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+
+#include <unistd.h>
 
 namespace keeping_test {
 
@@ -129,6 +133,17 @@ TEST_CASE("limits are written to a control group as the kernel reads them") {
     CHECK_FALSE((bare.keeps_pids() || bare.keeps_memory() || bare.keeps_cpus()));
     bare.close();
     CHECK_FALSE(std::filesystem::exists(in / "two"));
+}
+
+TEST_CASE("a keeper that says nothing does not block the one that waits for it, whatever the last error was") {
+    int ends[2];
+    REQUIRE(::pipe(ends) == 0);
+    errno = EINTR; // of an earlier call
+    CHECK(line_of_keeper(ends[0], std::chrono::milliseconds(1)).empty());
+    REQUIRE(::write(ends[1], "started 1 2\nmore", 16) == 16);
+    CHECK(line_of_keeper(ends[0], std::chrono::milliseconds(1000)) == "started 1 2");
+    ::close(ends[0]);
+    ::close(ends[1]);
 }
 
 } // namespace keeping_test

@@ -66,6 +66,8 @@ public:
         auto& porters = host.installed["porters"];
         std::vector<ise::component_type> types;
         types.emplace_back("porter", "for the test", "sea/porter");
+        std::vector<std::string> pages{"tcp://127.0.0.1:8080"};
+        types.back().parameters.add("page", pages, "where it listens").kind(ise::parameter_kind::endpoint);
         porters.description = ise::describe_types("porters", "1", types);
         porters.run = [this](ise::sim::process& env, const std::vector<std::string>&) {
             auto made = std::make_shared<names_test::program>(env);
@@ -161,18 +163,34 @@ TEST_CASE("without a policy it is shown only, until it answers again") {
     CHECK(in.becomes([](const instance_info& now) { return now.probe_trouble.empty(); }));
 }
 
-TEST_CASE("a probe asks this host only") {
+TEST_CASE("a probe asks only where the component listens, or a host that the server allows") {
     probed_harbour in;
-    auto result = in.start("http://169.254.169.254/latest", restart_policy::never);
-    CHECK(result.outcome == start_outcome::bad_argument);
-    CHECK_THAT(result.why, Contains("components here listen on 127.0.0.1, ::1 only"));
-    std::vector<std::string> here{"127.0.0.1", "::1"};
-    CHECK(parse_probe("http://127.0.0.1/", here).value().at.port == 80);
-    CHECK(parse_probe("http://[::1]:81/x", here).value().path == "/x");
-    for (const char* wrong :
-         {"", "ftp://127.0.0.1:1", "tcp://127.0.0.1", "tcp://127.0.0.1:0", "tcp://127.0.0.1:1/x", "http://localhost/",
-          "http://127.0.0.1/a b", "http://user@127.0.0.1/", "http://127.0.0.1:80\r\nX: y/"})
-        CHECK_THAT(parse_probe(wrong, here).error().message(), Contains("write it like tcp://127.0.0.1:8080"));
+    for (const char* elsewhere : {"http://169.254.169.254/latest", "tcp://127.0.0.1:22", "http://[::1]:8080/"}) {
+        auto result = in.start(elsewhere, restart_policy::never);
+        CHECK(result.outcome == start_outcome::bad_argument);
+        CHECK_THAT(result.why,
+                   Contains("cannot be probed: the component does not listen there") && Contains("--allow-host"));
+    }
+    auto may = [](const char* probe, const char* listens, const launch_rules& rules = launch_rules()) {
+        return rules.may_probe(parse_probe(probe).value().at, {ise::endpoint::parse(listens).value()}).has_value();
+    };
+    CHECK(may("tcp://127.0.0.1:80", "tcp://127.0.0.1:80"));
+    CHECK(may("tcp://127.0.0.1:80", "tcp://0.0.0.0:80"));
+    CHECK_FALSE(may("tcp://127.0.0.1:80", "tcp://127.0.0.1:81"));
+    CHECK_FALSE(may("tcp://127.0.0.1:80", "udp://127.0.0.1:80"));
+    CHECK_FALSE(may("tcp://10.0.0.7:80", "tcp://10.0.0.7:80")); // no address that it may listen on
+    launch_rules rules;
+    rules.target_hosts = {"127.0.0.1:81"};
+    CHECK(may("tcp://127.0.0.1:81", "tcp://127.0.0.1:80", rules));
+    CHECK_FALSE(may("tcp://127.0.0.1:82", "tcp://127.0.0.1:80", rules));
+}
+
+TEST_CASE("a probe is a TCP endpoint or an HTTP resource") {
+    CHECK(parse_probe("http://127.0.0.1/").value().at.port == 80);
+    CHECK(parse_probe("http://[::1]:81/x").value().path == "/x");
+    for (const char* wrong : {"", "ftp://127.0.0.1:1", "tcp://127.0.0.1", "tcp://127.0.0.1:0", "tcp://127.0.0.1:1/x",
+                              "http://127.0.0.1/a b", "http://user@127.0.0.1/", "http://127.0.0.1:80\r\nX: y/"})
+        CHECK_THAT(parse_probe(wrong).error().message(), Contains("write it like tcp://127.0.0.1:8080"));
 }
 
 } // namespace probing_test

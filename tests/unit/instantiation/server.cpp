@@ -4,8 +4,11 @@
 #include <unit/name_server/system.hpp>
 
 #include <ise/component/component_type.hpp>
+#include <ise/component/process_services.hpp>
 #include <ise/instantiation/instantiation_server.hpp>
 #include <ise/instantiation/services.hpp>
+
+#include <set>
 
 namespace server_test {
 
@@ -28,6 +31,49 @@ std::string path_in(const std::vector<std::string>& words) {
     return {};
 }
 
+/// Runs several components in its process, of which "sea/slow" takes long to start.
+class process_component final : public ise::component {
+public:
+    process_component(ise::node& around, ise::duration slow) : node_(around), slow_(slow) {}
+
+private:
+    ise::task<> run() override {
+        provide_exclusive(ise::process_host::start,
+                          [this](ise::process_host::start_request request) { return begin(path_in(request.words)); });
+        provide(ise::process_host::stop, [this](ise::process_host::stop_request request) {
+            if (lives_.contains(request.path)) node_.stop(request.path);
+            return ise::process_host::stop_response{};
+        });
+        provide(ise::process_host::components, [this](ise::process_host::components_request) { return tell(); });
+        co_await sleep_till(ise::time_point::max());
+    }
+    ise::task<ise::process_host::start_response> begin(std::string path) {
+        co_await ise::this_task::ignore_cancellation;
+        if (path == "sea/slow") co_await sleep(slow_);
+        node_.start<names_test::doubler>(path);
+        ise::process_host::start_response made;
+        made.number = lives_[path] = ++last_;
+        co_return made;
+    }
+    ise::process_host::components_response tell() const {
+        ise::process_host::components_response made;
+        for (const auto& one : node_.components()) {
+            auto life = lives_.find(one.path);
+            if (life == lives_.end()) continue;
+            auto& told = made.components.emplace_back();
+            told.path = one.path;
+            told.number = life->second;
+            told.over = one.state >= ise::component_state::stopped;
+        }
+        return made;
+    }
+
+    ise::node& node_;
+    ise::duration slow_;
+    std::map<std::string, std::uint64_t> lives_; // by path
+    std::uint64_t last_ = 0;
+};
+
 /// A host "shore" with an instantiation server that may crash and come again.
 class harbour {
 public:
@@ -46,7 +92,7 @@ public:
     }
 
     void open() {
-        server = &system.start("shore", "instantiation", [this](ise::node& node) {
+        auto begin = [this](ise::node& node) {
             server_options options;
             options.programs_folder = "/programs";
             options.state_folder = "/state";
@@ -54,7 +100,20 @@ public:
                 ise::endpoint::parse("tcp://" + system.world.host("ns").address() + ":7400").value()};
             options.max_starts = 10;
             node.start<instantiation_server>(path_of_host("shore"), ise::component_options(), host, options);
-        });
+        };
+        auto& shore = system.world.host("shore");
+        std::map<std::string, std::string> variables;
+        variables["ISE_NAME_SERVER"] = "tcp://" + system.world.host("ns").address() + ":7400";
+        if (!policy.empty()) variables["ISE_ACCESS"] = "access.toml";
+        shore.write_file("access.toml", policy);
+        server = &shore.start_process(
+            "instantiation",
+            [begin](ise::sim::process& env) {
+                auto made = std::make_shared<names_test::program>(env);
+                begin(made->node);
+                return made;
+            },
+            variables);
         REQUIRE(system.world.run_until([&] { return system.holds("ise/host/shore"); }, 30s));
     }
 
@@ -101,6 +160,7 @@ public:
     names_test::system system;
     virtual_machine host;
     ise::sim::process* server = nullptr;
+    std::string policy; ///< of access, of the next server; empty: none
 };
 
 } // namespace
@@ -329,6 +389,161 @@ TEST_CASE("a crash of the server at any of its operations loses no process and s
             CHECK(std::ranges::count_if(in.host.running(), [&](const auto& one) { return one->path == path; }) <= 1);
     }
     CHECK(crashes > 10);
+}
+
+TEST_CASE("the name of a deployment is a name, so that no start fills the state") {
+    harbour in;
+    start_request request;
+    request.type = "doubler";
+    request.path = "sea/one";
+    for (const auto& name : {std::string(std::size_t{17} << 20, 'a'), std::string(1000, '\x01'), std::string("a b")}) {
+        request.deployment = name;
+        auto result = in.call(host_services::start, request);
+        CHECK(result.outcome == start_outcome::bad_argument);
+        CHECK_THAT(result.why, Contains("is not the name of a deployment"));
+    }
+    request.deployment = std::string(200, 'a');
+    CHECK(in.call(host_services::start, request).outcome == start_outcome::ready);
+}
+
+TEST_CASE("a start that would make the state larger than one that can be read is refused") {
+    harbour in;
+    ise::component_type listed("listed", "for the test", "sea/listed");
+    auto marks = std::make_shared<std::vector<std::string>>();
+    listed.parameters.add("mark", *marks, "any");
+    std::vector<ise::component_type> types;
+    types.push_back(std::move(listed));
+    auto& program = in.host.installed["listeds"];
+    program = in.host.installed["doublers"];
+    program.description = ise::describe_types("listeds", "1", types);
+    start_request request;
+    request.type = "listed";
+    request.arguments.assign(256, {"mark", std::string(4096, '"')}); // 2 MiB as JSON
+    std::size_t ready = 0;
+    start_response result;
+    for (; ready < 9; ++ready) {
+        request.path = "sea/n" + std::to_string(ready);
+        result = in.call(host_services::start, request);
+        if (result.outcome != start_outcome::ready) break;
+        in.system.world.run_for(10s);
+    }
+    CHECK(ready == 5);
+    CHECK(result.outcome == start_outcome::too_many);
+    CHECK_THAT(result.why, Contains("max_accepted_bytes"));
+    CHECK(result.retry_after == 0s);
+    in.server->crash();
+    in.open();
+    CHECK(in.call(host_services::instances, instances_request{}).instances.size() == ready);
+}
+
+TEST_CASE("a state that cannot be read is set aside, whatever its size") {
+    for (const auto& content : {std::string(std::size_t{17} << 20, '['), std::string("not JSON")}) {
+        harbour in;
+        in.server->crash();
+        in.host.files["/state/state.json"] = content;
+        in.open();
+        CHECK(in.host.files["/state/state.json.unreadable"] == content);
+        CHECK(in.start("sea/one").outcome == start_outcome::ready);
+        CHECK(in.host.files["/state/state.json.unreadable"] == content);
+        CHECK(in.host.files["/state/state.json"].size() < 10'000);
+    }
+}
+
+TEST_CASE("a start in a shared process that takes too long ends nobody else there, and leaves nothing behind") {
+    for (auto slow : {3s, 30s}) { // within the least time that it has, and beyond
+        INFO("slow " << slow.count());
+        harbour in;
+        auto& sharer = in.host.installed["sharers"];
+        std::vector<ise::component_type> types;
+        types.emplace_back("sharer", "for the test", "sea/sharer");
+        sharer.description = ise::describe_types("sharers", "1", types, true);
+        sharer.run = [slow](ise::sim::process& env, const std::vector<std::string>& words) {
+            auto made = std::make_shared<names_test::program>(env);
+            ise::component_options control;
+            control.listen = {ise::endpoint::parse(words.at(1).substr(std::string("--control=").size())).value()};
+            control.registers = false;
+            made->node.start<process_component>("", control, made->node, slow);
+            return made;
+        };
+        start_request request;
+        request.type = "sharer";
+        request.process = "main";
+        request.path = "sea/one";
+        REQUIRE(in.call(host_services::start, request).outcome == start_outcome::ready);
+        request.path = "sea/slow";
+        request.terms.ready_within = 100ms;
+        CHECK(in.call(host_services::start, request).outcome == start_outcome::not_launched);
+        in.system.world.run_for(1min);
+        CHECK(in.host.launches.size() == 1); // the process
+        CHECK(in.state("sea/one").state == instance_state::ready);
+        CHECK(in.state("sea/slow").state == instance_state::failed);
+        CHECK_FALSE(in.system.holds("sea/slow"));
+    }
+}
+
+TEST_CASE("state and output of a component are for those who may read that component") {
+    harbour in;
+    in.server->crash();
+    in.policy = R"(version = 1
+[[allow]]
+who = "nobody"
+name = "**"
+read = "**"
+host = [{ host = "shore", do = ["start", "stop"] }]
+[[deny]]
+who = "nobody"
+read = "sea/secret"
+)";
+    in.open();
+    struct heard {
+        std::set<std::string> events, output;
+    };
+    auto got = std::make_shared<heard>();
+    in.system.start("shore", "watcher", [got](ise::node& node) {
+        node.start("", [got](ise::component& self) -> ise::task<> {
+            auto events = co_await self.at("ise/host/shore").subscribe(host_services::events);
+            for (;;) {
+                auto event = co_await events.next();
+                if (!event) break;
+                got->events.insert(event->instance.path);
+            }
+        });
+    });
+    in.system.world.run_for(1s);
+    CHECK(in.start("sea/open").outcome == start_outcome::ready);
+    CHECK(in.start("sea/secret").outcome == start_outcome::ready);
+    in.system.world.run_for(1s);
+    CHECK(got->events == std::set<std::string>{"sea/open"});
+    auto listed = in.call(host_services::instances, instances_request{}).instances;
+    REQUIRE(listed.size() == 1);
+    CHECK(listed.front().path == "sea/open");
+    auto code = [&](const std::string& path) {
+        try {
+            in.call(host_services::last_output, output_request{path});
+        } catch (const ise::error& why) {
+            return why.code();
+        }
+        return ise::errc{};
+    };
+    CHECK(code("sea/open") == ise::errc{});
+    CHECK(code("sea/secret") == ise::errc::access_denied);
+    for (const std::string path : {"sea/open", "sea/secret"})
+        in.system.start("shore", "follower", [got, path](ise::node& node) {
+            node.start("", [got, path](ise::component& self) -> ise::task<> {
+                follow_request request{path};
+                ise::subscribe_options terms;
+                auto output = co_await self.at("ise/host/shore").subscribe(host_services::output, request, terms);
+                for (;;) {
+                    auto piece = co_await output.next();
+                    if (!piece) break;
+                    got->output.insert(piece->path);
+                }
+            });
+        });
+    in.system.world.run_for(1s);
+    for (const char* file : {"/state/sea+open.log", "/state/sea+secret.log"}) in.host.files[file] += "a line\n";
+    in.system.world.run_for(2s);
+    CHECK(got->output == std::set<std::string>{"sea/open"});
 }
 
 } // namespace server_test

@@ -244,6 +244,36 @@ TEST_CASE("a stop after a restart was asked for is the last word") {
     CHECK(one.watch.state() == state::stopped);
 }
 
+TEST_CASE("only stops and kills count as stops, not those of a restart or of its policy") {
+    watched one;
+    one.start();
+    one.watch.restart(one.now);
+    one.watch.ended(one.now, true, "exit code 0");
+    one.watch.launched(one.now);
+    one.watch.ready();
+    one.watch.unhealthy(one.now, "its probe failed");
+    CHECK(one.watch.stops() == 0);
+    one.watch.stop(one.now, 1s);
+    CHECK(one.watch.stops() == 1);
+    one.watch.kill(one.now);
+    CHECK(one.watch.stops() == 2);
+}
+
+TEST_CASE("a launch that fails when it is not waited for any more changes nothing") {
+    watched one(restart_policy::always);
+    one.start();
+    one.watch.ended(one.now, false, "it ended");
+    CHECK(one.next() == act::launch);
+    CHECK(one.next() == act::nothing); // it was not launched in time
+    CHECK(one.watch.state() == state::waiting);
+    auto next = one.watch.next();
+    CHECK(one.watch.not_launched(one.now, "late") == act::nothing); // counts once
+    CHECK(one.watch.next() == next);
+    one.watch.stop(one.now, 1s);
+    CHECK(one.watch.not_launched(one.now, "late") == act::nothing);
+    CHECK(one.watch.state() == state::stopped);
+}
+
 TEST_CASE("a stop before there is a process waits for whoever starts it") {
     watched one;
     one.watch.start(one.now);

@@ -120,9 +120,10 @@ public:
         ise::result<std::string> outcome(installed.at(name.substr(name.rfind('/') + 1)).description);
         co_return outcome;
     }
-    ise::result<std::string> read_file(const std::string& path, std::size_t) const override {
+    ise::result<std::string> read_file(const std::string& path, std::size_t max_bytes) const override {
         auto found = files.find(path);
         if (found == files.end()) return ise::failure(ise::errc::no_such_name, "no such file");
+        if (found->second.size() > max_bytes) return ise::failure(ise::errc::too_large, path + " is too large");
         return found->second;
     }
     ise::result<void> replace_file(const std::string& path, const std::string& content) override {
@@ -132,6 +133,13 @@ public:
     }
     ise::result<void> replace_reserved(const std::string& path, const std::string& content) override {
         return replace_file(path, content);
+    }
+    ise::result<void> rename(const std::string& from, const std::string& to) override {
+        if (!may()) return ise::failure(ise::errc::io_failed, "dead");
+        auto moved = files.extract(from);
+        if (moved.empty()) return ise::failure(ise::errc::io_failed, "no such file");
+        files[to] = std::move(moved.mapped());
+        return {};
     }
     std::uint64_t size_of(const std::string& path) const override {
         auto found = files.find(path);
