@@ -87,7 +87,8 @@ private:
         auto came = co_await from.next();
         co_return typed<packet>(came);
     }
-    static ise::task<parting> unsubscribe_typed(ise::dynamic_stream& from, ise::dynamic_packet last, ise::duration deadline) {
+    static ise::task<parting> unsubscribe_typed(ise::dynamic_stream& from, ise::dynamic_packet last,
+                                                ise::duration deadline) {
         auto answer = co_await from.unsubscribe(std::move(last), deadline);
         co_return answer.value().template as<parting>();
     }
