@@ -156,10 +156,18 @@ ise::task<ise::result<command_record>> node_telecommands::begin(telecommand_requ
         store_answer<node_store::begun> answer(here_.self.on());
         store_->begin(*record, authority_.now().epoch, store_.written(answer.here()));
         auto begun = co_await answer.get();
-        if (!begun)
+        if (!begun) {
+            const auto& why = begun.error();
+            if (why.executed() == ise::execution::unknown)
+                co_return ise::failure(why.code(),
+                                       fmt::format("it is not known whether the telecommand was recorded, and it is "
+                                                   "sent if it was; ask for it again with its id: {}",
+                                                   why.message()),
+                                       why.executed());
             co_return ise::failure(
-                begun.error().code(),
-                fmt::format("the telecommand cannot be recorded, and so it is not sent: {}", begun.error().message()));
+                why.code(),
+                fmt::format("the telecommand cannot be recorded, and so it is not sent: {}", why.message()));
+        }
         if (begun->authority) { // another node changed it: whether this operator may command is decided anew
             authority_.set(begun->authority->first, begun->authority->second);
             check(request, who);
@@ -206,12 +214,13 @@ ise::task<telecommand_reply> node_telecommands::accept(telecommand_request reque
     std::optional<command_record> record;
     if (request.id != 0) {
         auto found = co_await recorded(request.id);
-        if (!found) throw command_refused(found.error().message());
+        if (!found) throw ise::error(found.error()); // it may be under way
         record = std::move(*found);
     }
     if (!record) {
         check(request, who);
         auto begun = co_await begin(request, who, verified);
+        if (!begun && begun.error().executed() == ise::execution::unknown) throw ise::error(begun.error());
         if (!begun) throw command_refused(begun.error().message());
         record = std::move(*begun);
     }
