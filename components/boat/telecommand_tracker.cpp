@@ -90,9 +90,10 @@ ise::result<std::uint32_t> telecommand_tracker::submit(tracker_time at, const te
         return id;
     }
     if (auto good = check_request(request); !good) return good.error();
-    if (open_count() >= policy_.max_open)
-        return ise::failure(ise::errc::overloaded,
-                            fmt::format("{} telecommands wait for the boat already", open_count()));
+    std::vector<command_kind> kinds;
+    for (auto each : table_.open()) kinds.push_back(table_.at(each).command.kind());
+    auto place = check_place(traits_of(request.command.kind()), kinds, policy_.max_open);
+    if (!place) return place.error();
     auto valid = validity_of(request, at.wall, policy_.link);
     if (!valid)
         return ise::failure(ise::errc::invalid_argument,

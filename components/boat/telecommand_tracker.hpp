@@ -13,7 +13,7 @@ namespace atirma {
 /// How a link treats telecommands.
 struct link_policy {
     link_id link = link_id::xbee;
-    std::size_t max_open = 64;        ///< telecommands that are not decided; above: overloaded
+    std::size_t max_open = 64;        ///< telecommands that are not decided (`check_place`); above: overloaded
     std::size_t max_remembered = 512; ///< decided ones that a repeated id still finds
     /// Until one that was delivered is sent again; nothing: never, as each attempt is paid for.
     std::optional<ise::duration> answer_time = std::chrono::seconds(15);

@@ -33,9 +33,12 @@ ise::result<command_record> command_router::prepare(ise::time_point now, utc_tim
                                                     const std::string& asked_by, std::uint32_t authority,
                                                     const std::string& node, link_id over) const {
     if (auto good = check_request(request); !good) return good.error();
-    if (open_count() >= options_.max_open)
-        return ise::failure(ise::errc::overloaded,
-                            fmt::format("{} telecommands wait for the boat already", open_count()));
+    const auto before = open();
+    std::vector<command_kind> kinds;
+    for (const auto& each : before) kinds.push_back(each.kind);
+    auto traits = traits_of(request.command.kind());
+    if (asked_by == node) traits.needs_authority = true; // its announcement of an epoch is no question of anybody
+    if (auto place = check_place(traits, kinds, options_.max_open); !place) return place.error();
     auto valid = validity_of(request, wall, request.via.value_or(over));
     if (!valid)
         return ise::failure(ise::errc::invalid_argument,

@@ -8,7 +8,7 @@
 namespace atirma {
 
 struct desk_options {
-    std::size_t max_open = 64;        ///< telecommands that are not decided; above: overloaded
+    std::size_t max_open = 64;        ///< telecommands that are not decided (`check_place`); above: overloaded
     std::size_t max_remembered = 512; ///< decided ones in memory; older ones are on disk
 };
 

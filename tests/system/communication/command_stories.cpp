@@ -319,6 +319,22 @@ TEST_CASE("communication: a telecommand's validity ends in time where the clock 
     CHECK(it.boat.executed.count(5) == 0);
 }
 
+TEST_CASE("communication: pings of somebody without the authority keep nobody from commanding the boat") {
+    crewed it;
+    REQUIRE(it.authority("ana", take));
+    REQUIRE(it.until([&] { return it.boat.boat.authority() == 2; }, 10s));
+    it.link_up(link_id::iridium, false);
+    for (std::uint32_t i = 0; i < 64; ++i) {
+        auto ping = of_kind(1000 + i, command_kind::ping);
+        ping.via = link_id::iridium;
+        ping.valid_s = 86400;
+        (void)it.command("eve", ping, 200ms);
+    }
+    CHECK(it.command("ana", adds_waypoint(5))->result == ack_code::done);
+    REQUIRE(it.authority("bea", take, true));
+    CHECK(it.until([&] { return it.boat.boat.authority() == 4; }, 10s)); // the epoch is announced all the same
+}
+
 TEST_CASE("communication: a telecommand takes the link that was chosen, or the best one that is alive") {
     crewed it;
     REQUIRE(it.authority("ana", take));

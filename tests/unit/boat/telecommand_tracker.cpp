@@ -116,6 +116,29 @@ TEST_CASE("telecommand tracker: what the boat has answered over another link is 
     CHECK(it.stage(5) == telecommand_stage::acknowledged);
 }
 
+TEST_CASE(
+    "telecommand tracker: those that need no authority leave room for those that steer, and what saves has its own") {
+    link_policy few;
+    few.max_open = 4;
+    desk it(few);
+    auto asked = [&](std::uint32_t id, boat_command command) {
+        telecommand_request request;
+        request.id = id;
+        request.command = command;
+        auto taken = it.book.submit(it.at(), request, 0);
+        if (!taken) CHECK(taken.error().code() == ise::errc::overloaded);
+        return taken.has_value();
+    };
+    CHECK(asked(1, commands::ping()));
+    CHECK(asked(2, commands::request_status()));
+    CHECK_FALSE(asked(3, commands::ping()));
+    CHECK(asked(4, commands::waypoint_delete{0}));
+    CHECK(asked(5, commands::waypoint_delete{1}));
+    CHECK_FALSE(asked(6, commands::waypoint_delete{2}));
+    CHECK(asked(7, commands::set_mode{sailing_mode::station_keep}));
+    CHECK(asked(8, commands::emergency_beacon{true}));
+}
+
 TEST_CASE("telecommand tracker: what may have left the shore never becomes queued again") {
     desk it;
     it.ask(8);
@@ -147,13 +170,13 @@ TEST_CASE("telecommand tracker: it is bounded in what is open and in what is rem
     few.max_open = 3;
     few.max_remembered = 2;
     desk it(few);
-    for (std::uint32_t id = 1; id <= 3; ++id) it.ask(id);
+    for (std::uint32_t id = 1; id <= 3; ++id) it.ask(id, command_kind::reboot);
     telecommand_request more;
     more.id = 4;
     auto refused = it.book.submit(it.at(), more, 0);
     REQUIRE_FALSE(refused);
     CHECK(refused.error().code() == ise::errc::overloaded);
-    for (std::uint32_t id = 1; id <= 3; ++id) CHECK(it.acknowledge(id));
+    for (std::uint32_t id = 1; id <= 3; ++id) CHECK(it.acknowledge(id, command_kind::reboot));
     CHECK(it.book.find(1) == nullptr);
     CHECK(it.book.find(3) != nullptr);
     it.ask(4);

@@ -44,7 +44,7 @@ struct table {
     telecommand_status says(std::uint32_t id, telecommand_stage stage, std::string text = "") {
         telecommand_status made;
         made.id = id;
-        made.kind = command_kind::tack_now;
+        made.kind = status(id).kind;
         made.state = stage;
         made.text = std::move(text);
         if (stage == telecommand_stage::acknowledged) made.result = ack_code::done;
@@ -266,18 +266,48 @@ TEST_CASE("command desk: what cannot be is refused, and the number of telecomman
     table it(small);
     auto bad = it.request(1, 0);
     CHECK(it.desk.prepare(it.now, it.wall, bad, 1, "ana", 0, me).error().code() == ise::errc::invalid_argument);
+    auto request = [&it](std::uint32_t id) {
+        auto made = it.request(id);
+        made.command = commands::reboot();
+        return made;
+    };
     for (std::uint32_t id = 1; id <= 10; ++id) {
-        it.begin(it.request(id));
+        it.begin(request(id));
         it.desk.on_status(it.wall, xbee, it.says(id, telecommand_stage::acknowledged));
     }
     CHECK_FALSE(it.desk.find(7));
     CHECK(it.desk.find(8));
-    it.begin(it.request(21));
-    it.begin(it.request(22));
-    CHECK(it.desk.prepare(it.now, it.wall, it.request(23), 1, "ana", 0, me).error().code() == ise::errc::overloaded);
+    it.begin(request(21));
+    it.begin(request(22));
+    CHECK(it.desk.prepare(it.now, it.wall, request(23), 1, "ana", 0, me).error().code() == ise::errc::overloaded);
     CHECK(it.desk.open().size() == 2);
     auto chosen = it.desk.find(21)->status;
-    CHECK(chosen.command->kind() == command_kind::tack_now);
+    CHECK(chosen.command->kind() == command_kind::reboot);
+}
+
+TEST_CASE("router: pings of anybody leave room for the holder of the authority, and for the node's announcement") {
+    desk_options small;
+    small.max_open = 4;
+    table it(small);
+    auto request = [](std::uint32_t id, boat_command command) {
+        telecommand_request made;
+        made.id = id;
+        made.command = command;
+        return made;
+    };
+    auto ask = [&](std::uint32_t id, boat_command command, const std::string& who) {
+        return it.desk.prepare(it.now, it.wall, request(id, command), 1, who, 4, me);
+    };
+    for (std::uint32_t id = 1; id <= 2; ++id) it.begin(request(id, commands::ping()));
+    auto no = ask(3, commands::ping(), "eve");
+    REQUIRE_FALSE(no);
+    CHECK(no.error().code() == ise::errc::overloaded);
+    CHECK_THAT(no.error().message(), Contains("2 telecommands that need no authority"));
+    CHECK(ask(4, commands::ping(), me));
+    it.begin(request(5, commands::waypoint_delete{0}));
+    it.begin(request(6, commands::waypoint_delete{1}));
+    CHECK_FALSE(ask(7, commands::waypoint_delete{2}, "ana"));
+    CHECK(ask(8, commands::set_mode{sailing_mode::station_keep}, "ana"));
 }
 
 TEST_CASE("peer watch: packets are shown when both disks have them, or the other node is silent") {
