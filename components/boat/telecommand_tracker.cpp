@@ -112,6 +112,15 @@ ise::result<std::uint32_t> telecommand_tracker::submit(tracker_time at, const te
     return id;
 }
 
+void telecommand_tracker::replace_older(tracker_time at, std::uint32_t id) {
+    const auto& newer = table_.at(id);
+    for (auto other : std::vector(table_.open())) {
+        const auto& older = table_.at(other);
+        if (other != id && older.authority == newer.authority && newer.command.replaces(older.command))
+            recall(at, other, fmt::format("replaced by telecommand {}", id));
+    }
+}
+
 void telecommand_tracker::forget(std::uint32_t id) {
     std::erase_if(changes_, [id](const tracked_telecommand& e) { return e.id == id; });
     table_.forget(id);

@@ -100,6 +100,9 @@ public:
     /// that has not left the shore goes under the highest epoch of authority that it was given with. Errors:
     /// invalid_argument, overloaded.
     ise::result<std::uint32_t> submit(tracker_time at, const telecommand_request& request, std::uint32_t chosen);
+    /// Calls back the open ones whose place it takes (`boat_command::replaces`), under the same epoch of authority: the
+    /// boat refuses those of an older one.
+    void replace_older(tracker_time at, std::uint32_t id);
     /// Forgets one that could not be kept on disk.
     void forget(std::uint32_t id);
 

@@ -42,6 +42,7 @@ public:
         std::uint32_t id = 0;
         link_id link = link_id::xbee;
         telecommand_request request; ///< with what is left of its validity
+        bool only_recall = false;    ///< it is called back, and this link may have it since before this node had it
     };
     /// One that is to be given to a link now; it counts as given until it is decided.
     std::optional<give> next_give(ise::time_point now, utc_time wall, const link_table& links);
@@ -63,9 +64,10 @@ public:
     struct recall {
         std::uint32_t id = 0;
         link_id link = link_id::xbee; ///< that still has it
-        link_id answered = link_id::xbee;
+        std::string why;
     };
-    /// Those that the boat has answered over one link since the last call, while others were still to send them.
+    /// Those that the boat has answered over one link since the last call, while others were still to send them; and
+    /// those that a newer one replaces.
     std::vector<recall> take_recalls() { return std::exchange(recalls_, {}); }
     struct boat_epoch {
         std::uint32_t sent_under = 0; ///< the epoch of the telecommand that the boat answered
@@ -82,6 +84,10 @@ private:
         bool refused = false;
         std::uint32_t attempts = 0;
         telecommand_stage stage = telecommand_stage::queued;
+        bool may_be_there = false; // the proxy has it, as far as is known
+        /// Its proxy may have sent it, and has not told how it ended.
+        bool is_in_the_dark() const noexcept { return may_be_there && !refused && !is_final(stage); }
+        bool to_be_asked() const noexcept { return may_be_there && !given && !refused; }
     };
     struct entry {
         command_record record;
@@ -89,6 +95,10 @@ private:
         bool mine = false;
         std::map<link_id, at_link> links;
     };
+    static void note_link(entry& e);
+    static give give_to(entry& e, link_id link, ise::time_point now);
+    void refused(entry& e, utc_time wall, link_id link, std::string text);
+    void replace(utc_time wall, std::uint32_t id, std::uint32_t by);
     void end_called_back(entry& e, utc_time wall);
     void change(entry& e, utc_time wall, telecommand_stage stage, std::string text);
     static ise::duration left_of(ise::time_point now, utc_time wall, const command_record& record, bool mine);

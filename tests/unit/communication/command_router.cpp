@@ -125,7 +125,7 @@ TEST_CASE("command desk: once one link has the answer, the others that still hav
     REQUIRE(recalls.size() == 1);
     CHECK(recalls[0].id == 5);
     CHECK(recalls[0].link == gprs);
-    CHECK(recalls[0].answered == xbee);
+    CHECK(recalls[0].why == "acknowledged over xbee");
     CHECK(it.desk.take_recalls().empty());
     // What the link says of it then changes nothing.
     it.desk.on_status(it.wall, gprs, it.says(5, telecommand_stage::expired, "called back"));
@@ -308,6 +308,75 @@ TEST_CASE("router: pings of anybody leave room for the holder of the authority, 
     it.begin(request(6, commands::waypoint_delete{1}));
     CHECK_FALSE(ask(7, commands::waypoint_delete{2}, "ana"));
     CHECK(ask(8, commands::set_mode{sailing_mode::station_keep}, "ana"));
+}
+
+TEST_CASE("router: a newer order of a kind takes the place of the older one, wherever that waits") {
+    table it;
+    auto mode = [](std::uint32_t id, sailing_mode to) {
+        auto made = table::request(id);
+        made.command = commands::set_mode{to};
+        return made;
+    };
+    it.begin(mode(1, sailing_mode::return_home)); // no link has it yet
+    it.begin(mode(2, sailing_mode::hold));
+    CHECK(it.status(1).state == telecommand_stage::failed);
+    CHECK(it.status(1).text == "called back before it was sent (replaced by telecommand 2)");
+    it.there(xbee);
+    REQUIRE(it.give()->id == 2);
+    it.desk.on_status(it.wall, xbee, it.says(2, telecommand_stage::sent));
+    CHECK(it.begin(mode(3, sailing_mode::station_keep)).replaces == std::vector<std::uint32_t>{2});
+    auto recalls = it.desk.take_recalls();
+    REQUIRE(recalls.size() == 1);
+    CHECK(recalls[0].id == 2);
+    CHECK(recalls[0].link == xbee);
+    REQUIRE(it.give()->id == 3);
+    it.desk.on_status(it.wall, xbee, it.says(2, telecommand_stage::expired));
+    CHECK(it.status(2).state == telecommand_stage::expired);
+    CHECK_THAT(it.status(2).text, Contains("replaced by telecommand 3") && Contains("may have been executed"));
+    auto parts = table::request(4);
+    parts.command = commands::mission_stage{0, {28.1, -15.4}};
+    it.begin(parts);
+    parts.id = 5;
+    parts.command = commands::mission_stage{1, {28.2, -15.4}};
+    CHECK(it.begin(parts).replaces.empty());
+    CHECK(it.desk.open_count() == 3);
+}
+
+TEST_CASE("router: an order at the other node is replaced too, and stays so when that node is silent") {
+    table it, other;
+    const std::string two = "shore/two";
+    auto mode = [](std::uint32_t id, sailing_mode to) {
+        auto made = table::request(id);
+        made.command = commands::set_mode{to};
+        return made;
+    };
+    it.there(xbee);
+    other.there(xbee);
+    auto older = it.begin(mode(1, sailing_mode::return_home));
+    REQUIRE(it.give()->link == xbee);
+    older = it.desk.take_changes().back();
+    REQUIRE(other.desk.know(other.now, other.wall, older, two));
+    // The operator goes on at the other node.
+    auto newer = other.desk.prepare(other.now, other.wall, mode(2, sailing_mode::hold), 1, "ana", 4, two).value();
+    REQUIRE(other.desk.know(other.now, other.wall, newer, two));
+    CHECK(other.desk.is_called_back(1));
+    SECTION("the first learns of it, and calls it back") {
+        REQUIRE(it.desk.know(it.now, it.wall, newer, me));
+        CHECK(it.desk.is_called_back(1));
+        CHECK(it.desk.take_recalls().size() == 1);
+    }
+    SECTION("the first dies, and the other one calls it back from the link that may have it") {
+        it.desk.on_status(it.wall, xbee, it.says(1, telecommand_stage::sent));
+        other.desk.know(other.now, other.wall, it.desk.take_changes().back(), two); // told before it knew
+        CHECK(other.desk.is_called_back(1));
+        other.desk.take_over(other.now, other.wall, two);
+        std::set<std::uint32_t> given;
+        while (auto next = other.give()) {
+            CHECK(next->only_recall == (next->id == 1));
+            given.insert(next->id);
+        }
+        CHECK(given == std::set<std::uint32_t>{1, 2});
+    }
 }
 
 TEST_CASE("peer watch: packets are shown when both disks have them, or the other node is silent") {
