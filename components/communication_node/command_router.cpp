@@ -215,13 +215,13 @@ void command_router::on_status(utc_time wall, link_id link, const telecommand_st
     }
     if (is_final(mine.state)) return;
     if (status.state == telecommand_stage::failed) {
-        there.refused = true;
-        if (!e.record.called_back.empty()) return end_called_back(e, wall);
-        change(e, wall, mine.state, fmt::format("{}: {}", name_of(link), status.text));
+        refused(e, wall, link, fmt::format("{}: {}", name_of(link), status.text));
     } else if (status.state == telecommand_stage::expired && !e.record.called_back.empty()) {
         there.refused = true;
         mine.state = telecommand_stage::sent;
         end_called_back(e, wall);
+    } else if (status.state == telecommand_stage::expired) {
+        there.stage = telecommand_stage::expired;
     } else if (status.state == telecommand_stage::sent &&
                (there.stage != telecommand_stage::sent || mine.state != telecommand_stage::sent)) {
         there.stage = telecommand_stage::sent;
@@ -237,10 +237,16 @@ void command_router::on_refused(ise::time_point, utc_time wall, std::uint32_t id
                                 const std::string& why) {
     auto* known = table_.find(id);
     if (!known || is_final(known->record.status.state)) return;
-    auto& e = *known;
+    refused(*known, wall, link, fmt::format("{} refuses it: {}", name_of(link), why));
+}
+
+void command_router::on_given(std::uint32_t id, link_id link) {
+    if (auto* known = table_.find(id)) known->links[link].may_be_there = true;
+}
+
+void command_router::refused(entry& e, utc_time wall, link_id link, std::string text) {
     e.links[link].refused = true;
     if (!e.record.called_back.empty()) return end_called_back(e, wall);
-    auto text = fmt::format("{} refuses it: {}", name_of(link), why);
     if (!e.record.via) return change(e, wall, e.record.status.state, text);
     bool left = e.record.status.state == telecommand_stage::sent; // before the proxy forgot it, or under another node
     if (left) text += "; it was sent before: it may have been executed";
@@ -273,8 +279,13 @@ void command_router::on_time(ise::time_point now, utc_time wall) {
         // Another node's is left to it for a while longer: it may have heard the boat.
         if (ise::saturating_add(e.expires, e.mine ? ise::duration() : ise::duration(std::chrono::seconds(30))) > now)
             continue;
-        auto why = e.record.status.state == telecommand_stage::sent
-                       ? "its time was over without the boat's answer: it may have been executed"
+        bool left = e.record.status.state == telecommand_stage::sent;
+        auto lost = std::ranges::find_if(e.links, [](const auto& one) { return one.second.is_in_the_dark(); });
+        auto why = left ? "its time was over without the boat's answer: it may have been executed"
+                   : lost != e.links.end()
+                       ? fmt::format("its time was over, and {} did not tell whether it was sent: it "
+                                     "may have been executed",
+                                     name_of(lost->first))
                        : "its time was over before it could be sent: " + e.record.status.text;
         change(e, wall, telecommand_stage::expired, why);
     }

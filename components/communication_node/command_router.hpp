@@ -50,6 +50,8 @@ public:
     void on_status(utc_time wall, link_id link, const telecommand_status& status);
     /// The proxy will not have it; another link may.
     void on_refused(ise::time_point now, utc_time wall, std::uint32_t id, link_id link, const std::string& why);
+    /// The proxy of that link has it, or may have it.
+    void on_given(std::uint32_t id, link_id link);
     /// It is called back: no further link gets it, and those that have it are to be asked (`services::
     /// telecommand_recall`); what they tell comes to `on_status`. One that no link has is decided at once.
     std::vector<link_id> call_back(utc_time wall, std::uint32_t id, const std::string& why);

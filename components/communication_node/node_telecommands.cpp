@@ -306,6 +306,7 @@ ise::task<> node_telecommands::drive(command_router::give what) {
             co_return;
         }
         may_be_there = may_be_there || got || got.error().executed() == ise::execution::unknown;
+        if (may_be_there) router_.on_given(what.id, what.link);
         co_await here_.self.sleep(pause);
         pause = std::min<ise::duration>(pause * 2, 5s);
     }

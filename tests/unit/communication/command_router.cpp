@@ -379,6 +379,46 @@ TEST_CASE("router: an order at the other node is replaced too, and stays so when
     }
 }
 
+TEST_CASE("router: the chosen link's word that it cannot be sent is the end of it") {
+    table it;
+    it.there(xbee);
+    auto asked = it.request(6);
+    asked.via = xbee;
+    it.begin(asked);
+    REQUIRE(it.give());
+    it.desk.on_status(it.wall, xbee, it.says(6, telecommand_stage::failed, "it does not fit a frame"));
+    CHECK(it.status(6).state == telecommand_stage::failed);
+    CHECK_THAT(it.status(6).text, Contains("it does not fit a frame"));
+}
+
+TEST_CASE("router: of a telecommand that a link had when it fell silent nobody says that it was not sent") {
+    table it;
+    it.there(xbee);
+    it.begin(it.request(5, 60));
+    REQUIRE(it.give());
+    it.desk.on_given(5, xbee); // its proxy was asked, and did not answer
+    SECTION("the proxy says nothing more") {
+        it.pass(60s);
+        it.desk.on_time(it.now, it.wall);
+        CHECK_THAT(it.status(5).text, Contains("xbee did not tell") && Contains("may have been executed"));
+    }
+    SECTION("the proxy says that its time was over") {
+        it.desk.on_status(it.wall, xbee, it.says(5, telecommand_stage::expired));
+        it.pass(60s);
+        it.desk.on_time(it.now, it.wall);
+        CHECK_THAT(it.status(5).text, Contains("before it could be sent"));
+    }
+    SECTION("the node is started anew meanwhile") {
+        auto kept = it.desk.take_changes().back();
+        table after;
+        after.desk.know(it.now, it.wall, kept, me);
+        after.desk.on_time(it.now + 60s, it.wall + 60s);
+        CHECK_THAT(after.status(5).text, Contains("may have been executed"));
+    }
+    CHECK(it.status(5).state ==
+          (it.now > ise::time_point(1h) ? telecommand_stage::expired : telecommand_stage::queued));
+}
+
 TEST_CASE("peer watch: packets are shown when both disks have them, or the other node is silent") {
     ise::time_point begin{1h};
     peer_watch alone(false, 3s, begin);
