@@ -91,6 +91,14 @@ std::string_view boat_command::caution() const noexcept {
     });
 }
 
+bool boat_command::replaces(const boat_command& older) const noexcept {
+    return visit([&older]<class C>(const C& newer) {
+        if constexpr (requires { newer.replaces(newer); })
+            if (const auto* same = older.get_if<C>()) return newer.replaces(*same);
+        return false;
+    });
+}
+
 bool boat_command::operator==(const boat_command& other) const {
     return visit([&]<class C>(const C& each) {
         const auto* same = other.get_if<C>();

@@ -71,9 +71,10 @@ public:
     }
 
     command_kind kind() const noexcept;
-    /// See telecommands.hpp; empty where there is none.
+    /// See telecommands.hpp; empty, or false, where there is none.
     std::string_view danger() const noexcept;
     std::string_view caution() const noexcept;
+    bool replaces(const boat_command& older) const noexcept;
 
     bool operator==(const boat_command& other) const;
 

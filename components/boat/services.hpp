@@ -53,6 +53,10 @@ struct telecommand_request {
 
 /// invalid_argument where the boat would refuse an argument, or `valid_s` is out of range.
 ise::result<void> check_request(const telecommand_request& request);
+/// Whether one more of that kind has a place among the open ones. Those that save the boat (`command_priority::saves`)
+/// have `most` places of their own, and all others have `most`, half of which those may take that need no authority: so
+/// nobody keeps the holder of the authority from commanding the boat. Error: overloaded.
+ise::result<void> check_place(const command_traits& of, const std::vector<command_kind>& open, std::size_t most);
 /// The longest time that a call with this telecommand may take, of what is left of its validity. Its `valid_s` is the
 /// rest: so it ends in time wherever the call was held up, and no clock has to agree with another one.
 constexpr ise::duration time_to_give(ise::duration left) noexcept {

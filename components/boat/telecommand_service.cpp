@@ -98,6 +98,7 @@ ise::task<telecommand_reply> telecommand_service::command(telecommand_request re
         traces_.erase(id);
         throw ise::error(ise::errc::refused, "the telecommand could not be kept on disk: " + kept.error().message());
     }
+    if (!known) tracker_.replace_older(now(), id);
     auto status = status_of(*tracker_.find(id), tracker_.policy().link);
     work();
     // One that was decided long ago may be forgotten by then.

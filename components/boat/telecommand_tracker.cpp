@@ -90,9 +90,10 @@ ise::result<std::uint32_t> telecommand_tracker::submit(tracker_time at, const te
         return id;
     }
     if (auto good = check_request(request); !good) return good.error();
-    if (open_count() >= policy_.max_open)
-        return ise::failure(ise::errc::overloaded,
-                            fmt::format("{} telecommands wait for the boat already", open_count()));
+    std::vector<command_kind> kinds;
+    for (auto each : table_.open()) kinds.push_back(table_.at(each).command.kind());
+    auto place = check_place(traits_of(request.command.kind()), kinds, policy_.max_open);
+    if (!place) return place.error();
     auto valid = validity_of(request, at.wall, policy_.link);
     if (!valid)
         return ise::failure(ise::errc::invalid_argument,
@@ -109,6 +110,15 @@ ise::result<std::uint32_t> telecommand_tracker::submit(tracker_time at, const te
     made.valid_until = at.wall + *valid;
     change(table_.add(id, std::move(made)), at, link_stage::waiting, std::string(policy_.waits));
     return id;
+}
+
+void telecommand_tracker::replace_older(tracker_time at, std::uint32_t id) {
+    const auto& newer = table_.at(id);
+    for (auto other : std::vector(table_.open())) {
+        const auto& older = table_.at(other);
+        if (other != id && older.authority == newer.authority && newer.command.replaces(older.command))
+            recall(at, other, fmt::format("replaced by telecommand {}", id));
+    }
 }
 
 void telecommand_tracker::forget(std::uint32_t id) {

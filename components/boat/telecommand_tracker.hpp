@@ -13,7 +13,7 @@ namespace atirma {
 /// How a link treats telecommands.
 struct link_policy {
     link_id link = link_id::xbee;
-    std::size_t max_open = 64;        ///< telecommands that are not decided; above: overloaded
+    std::size_t max_open = 64;        ///< telecommands that are not decided (`check_place`); above: overloaded
     std::size_t max_remembered = 512; ///< decided ones that a repeated id still finds
     /// Until one that was delivered is sent again; nothing: never, as each attempt is paid for.
     std::optional<ise::duration> answer_time = std::chrono::seconds(15);
@@ -100,6 +100,9 @@ public:
     /// that has not left the shore goes under the highest epoch of authority that it was given with. Errors:
     /// invalid_argument, overloaded.
     ise::result<std::uint32_t> submit(tracker_time at, const telecommand_request& request, std::uint32_t chosen);
+    /// Calls back the open ones whose place it takes (`boat_command::replaces`), under the same epoch of authority: the
+    /// boat refuses those of an older one.
+    void replace_older(tracker_time at, std::uint32_t id);
     /// Forgets one that could not be kept on disk.
     void forget(std::uint32_t id);
 

@@ -72,7 +72,9 @@ struct argument_range {
 // Each has `traits`, and may have
 //   ranges()  its `argument_range`s;
 //   danger()  why the operator must confirm it, as it can lose the boat or its mission; empty: it cannot;
-//   caution() why the console asks before it sends it, though it need not; {argument} as in `words`.
+//   caution() why the console asks before it sends it, though it need not; {argument} as in `words`;
+//   replaces(older)  whether it takes the place of an older one of its kind that is still open, as only the newest
+//                    counts: the shore then calls the older one back, which else could be executed after it.
 namespace commands {
 
 struct ping {
@@ -94,6 +96,7 @@ struct set_mode {
         if (mode != sailing_mode::manual) return {};
         return "Rudder and sail stay as they are; without somebody at the remote control nobody steers.";
     }
+    constexpr bool replaces(const set_mode&) const { return true; }
 };
 
 struct waypoint_insert {
@@ -156,6 +159,7 @@ struct waypoint_select {
                                            .returns_value = true,
                                            .steers = true,
                                            .valid = std::chrono::seconds(300)};
+    constexpr bool replaces(const waypoint_select&) const { return true; }
 };
 
 struct set_parameter {
@@ -172,6 +176,7 @@ struct set_parameter {
         if (parameter != parameter_id::fence || value != 0) return {};
         return "The boat then leaves its fence and sails onto the coast if its course leads there.";
     }
+    constexpr bool replaces(const set_parameter& older) const { return parameter == older.parameter; }
     static argument_range range_of(std::string_view argument, parameter_id id); ///< parameters.hpp has them
 };
 
@@ -192,6 +197,7 @@ struct tack_now {
                                            .steers = true,
                                            .valid = std::chrono::seconds(30),
                                            .valid_by_satellite = std::chrono::seconds(900)};
+    constexpr bool replaces(const tack_now&) const { return true; }
 };
 
 struct gybe_now {
@@ -200,6 +206,7 @@ struct gybe_now {
                                            .steers = true,
                                            .valid = std::chrono::seconds(30),
                                            .valid_by_satellite = std::chrono::seconds(900)};
+    constexpr bool replaces(const gybe_now&) const { return true; }
 };
 
 struct set_telemetry_period {
@@ -221,6 +228,7 @@ struct set_telemetry_period {
             return "Iridium is paid by the message: such a short period costs much.";
         return {};
     }
+    constexpr bool replaces(const set_telemetry_period& older) const { return link == older.link; }
 };
 
 struct request_status {
@@ -249,6 +257,7 @@ struct emergency_beacon {
         return on ? "The emergency beacon calls for help, and draws on the battery."
                   : "The emergency beacon goes off: who is on the way to the boat loses it.";
     }
+    constexpr bool replaces(const emergency_beacon&) const { return true; }
 };
 
 /// A whole list of waypoints goes up in parts that change nothing, and is put in the place of the boat's list by one

@@ -33,9 +33,12 @@ ise::result<command_record> command_router::prepare(ise::time_point now, utc_tim
                                                     const std::string& asked_by, std::uint32_t authority,
                                                     const std::string& node, link_id over) const {
     if (auto good = check_request(request); !good) return good.error();
-    if (open_count() >= options_.max_open)
-        return ise::failure(ise::errc::overloaded,
-                            fmt::format("{} telecommands wait for the boat already", open_count()));
+    const auto before = open();
+    std::vector<command_kind> kinds;
+    for (const auto& each : before) kinds.push_back(each.kind);
+    auto traits = traits_of(request.command.kind());
+    if (asked_by == node) traits.needs_authority = true; // its announcement of an epoch is no question of anybody
+    if (auto place = check_place(traits, kinds, options_.max_open); !place) return place.error();
     auto valid = validity_of(request, wall, request.via.value_or(over));
     if (!valid)
         return ise::failure(ise::errc::invalid_argument,
@@ -56,6 +59,8 @@ ise::result<command_record> command_router::prepare(ise::time_point now, utc_tim
     made.via = request.via;
     made.node = node;
     made.asked_steady_ms = steady_ms(now);
+    for (const auto& older : before)
+        if (older.command && request.command.replaces(*older.command)) made.replaces.push_back(older.id);
     return made;
 }
 
@@ -78,26 +83,49 @@ bool command_router::know(ise::time_point now, utc_time wall, const command_reco
         made.record = record;
         made.mine = record.node == me;
         made.expires = ise::saturating_add(now, left_of(now, wall, record, made.mine));
+        note_link(made);
         table_.add(id, std::move(made), is_final(record.status.state));
+        for (auto older : record.replaces) replace(wall, older, id);
         return true;
     }
     if (!knows_more(record, known->record)) return false;
     bool was_open = !is_final(known->record.status.state);
-    known->record = record;
+    auto called_back = std::exchange(known->record, record).called_back;
+    if (record.called_back.empty()) known->record.called_back = std::move(called_back); // not known there yet
     known->mine = record.node == me;
+    note_link(*known);
     if (was_open && is_final(record.status.state)) table_.decide(id);
     return true;
+}
+
+/// A record that has changed since it was asked for may have been given to its link by another node, or by this one
+/// before it was started anew.
+void command_router::note_link(entry& e) {
+    const auto& status = e.record.status;
+    if (status.at != status.asked_at) e.links[status.link].may_be_there = true;
+}
+
+void command_router::replace(utc_time wall, std::uint32_t id, std::uint32_t by) {
+    auto* older = table_.find(id);
+    if (!older || is_final(older->record.status.state) || !older->record.called_back.empty()) return;
+    auto why = fmt::format("replaced by telecommand {}", by);
+    if (!older->mine) {
+        older->record.called_back = why; // the node that gives it to the links calls it back, once it knows the newer
+        return;
+    }
+    for (auto link : call_back(wall, id, why)) recalls_.push_back({id, link, why});
 }
 
 void command_router::take_over(ise::time_point now, utc_time wall, const std::string& me, const std::string& from) {
     for (auto id : std::vector(table_.open())) {
         auto& e = table_.at(id);
         if (!from.empty() && e.record.node != from) continue;
-        if (e.mine || !e.record.called_back.empty() || e.expires <= now) continue;
+        if (e.mine || e.expires <= now) continue;
         e.mine = true;
         e.record.node = me;
         e.record.asked_steady_ms = steady_ms(e.expires - until(e.record.valid_until, e.record.status.asked_at));
         change(e, wall, e.record.status.state, "is taken over, as the node that had it is silent");
+        if (!e.record.called_back.empty()) end_called_back(e, wall);
     }
 }
 
@@ -117,7 +145,14 @@ std::optional<command_router::give> command_router::next_give(ise::time_point no
     on_time(now, wall);
     for (auto id : table_.open()) {
         auto& e = table_.at(id);
-        if (!e.mine || !e.record.called_back.empty() || e.expires - now < std::chrono::seconds(1)) continue;
+        if (!e.mine || e.expires - now < std::chrono::seconds(1)) continue;
+        if (!e.record.called_back.empty()) {
+            auto there = std::ranges::find_if(e.links, [](const auto& one) { return one.second.to_be_asked(); });
+            if (there == e.links.end()) continue;
+            auto made = give_to(e, there->first, now);
+            made.only_recall = true;
+            return made;
+        }
         auto at = next_link_at(e, links);
         if (!at || *at > now) continue;
         std::set<link_id> tried;
@@ -130,15 +165,7 @@ std::optional<command_router::give> command_router::next_give(ise::time_point no
         auto link = e.record.via ? e.record.via : links.best(now, tried);
         // A second link only where the boat is heard: it is no use to wait for two that are dead.
         if (!link || (waits && !links.alive(*link, now))) continue;
-        e.links[*link].given = true;
-        e.links[*link].since = now;
-        give made;
-        made.id = id;
-        made.link = *link;
-        made.request.id = id;
-        made.request.command = e.record.status.command.value_or(boat_command());
-        made.request.valid_s = std::clamp(std::chrono::duration<float>(e.expires - now).count(), 1.0f, 86400.0f);
-        made.request.authority = e.record.status.authority;
+        auto made = give_to(e, *link, now);
         bool first = tried.empty();
         e.record.status.link = *link;
         change(e, wall, e.record.status.state,
@@ -149,6 +176,19 @@ std::optional<command_router::give> command_router::next_give(ise::time_point no
     return std::nullopt;
 }
 
+command_router::give command_router::give_to(entry& e, link_id link, ise::time_point now) {
+    e.links[link].given = true;
+    e.links[link].since = now;
+    give made;
+    made.id = e.record.status.id;
+    made.link = link;
+    made.request.id = made.id;
+    made.request.command = e.record.status.command.value_or(boat_command());
+    made.request.valid_s = std::clamp(std::chrono::duration<float>(e.expires - now).count(), 1.0f, 86400.0f);
+    made.request.authority = e.record.status.authority;
+    return made;
+}
+
 void command_router::on_status(utc_time wall, link_id link, const telecommand_status& status) {
     auto* known = table_.find(status.id);
     if (!known || known->record.status.kind != status.kind) return;
@@ -156,6 +196,7 @@ void command_router::on_status(utc_time wall, link_id link, const telecommand_st
     auto& mine = e.record.status;
     if (mine.state == telecommand_stage::acknowledged) return;
     auto& there = e.links[link];
+    there.may_be_there = true;
     there.attempts = std::max(there.attempts, status.attempts);
     mine.attempts = 0;
     for (const auto& [name, given] : e.links) mine.attempts += given.attempts;
@@ -167,19 +208,20 @@ void command_router::on_status(utc_time wall, link_id link, const telecommand_st
         mine.executed_at = status.executed_at;
         if (status.boat_obeys) boat_epochs_.push_back({mine.authority, *status.boat_obeys});
         for (const auto& [other, given] : e.links)
-            if (other != link && given.given && !given.refused) recalls_.push_back({status.id, other, link});
+            if (other != link && given.given && !given.refused)
+                recalls_.push_back({status.id, other, fmt::format("acknowledged over {}", name_of(link))});
         change(e, wall, telecommand_stage::acknowledged, status.text);
         return;
     }
     if (is_final(mine.state)) return;
     if (status.state == telecommand_stage::failed) {
-        there.refused = true;
-        if (!e.record.called_back.empty()) return end_called_back(e, wall);
-        change(e, wall, mine.state, fmt::format("{}: {}", name_of(link), status.text));
+        refused(e, wall, link, fmt::format("{}: {}", name_of(link), status.text));
     } else if (status.state == telecommand_stage::expired && !e.record.called_back.empty()) {
         there.refused = true;
         mine.state = telecommand_stage::sent;
         end_called_back(e, wall);
+    } else if (status.state == telecommand_stage::expired) {
+        there.stage = telecommand_stage::expired;
     } else if (status.state == telecommand_stage::sent &&
                (there.stage != telecommand_stage::sent || mine.state != telecommand_stage::sent)) {
         there.stage = telecommand_stage::sent;
@@ -195,10 +237,16 @@ void command_router::on_refused(ise::time_point, utc_time wall, std::uint32_t id
                                 const std::string& why) {
     auto* known = table_.find(id);
     if (!known || is_final(known->record.status.state)) return;
-    auto& e = *known;
+    refused(*known, wall, link, fmt::format("{} refuses it: {}", name_of(link), why));
+}
+
+void command_router::on_given(std::uint32_t id, link_id link) {
+    if (auto* known = table_.find(id)) known->links[link].may_be_there = true;
+}
+
+void command_router::refused(entry& e, utc_time wall, link_id link, std::string text) {
     e.links[link].refused = true;
     if (!e.record.called_back.empty()) return end_called_back(e, wall);
-    auto text = fmt::format("{} refuses it: {}", name_of(link), why);
     if (!e.record.via) return change(e, wall, e.record.status.state, text);
     bool left = e.record.status.state == telecommand_stage::sent; // before the proxy forgot it, or under another node
     if (left) text += "; it was sent before: it may have been executed";
@@ -231,8 +279,13 @@ void command_router::on_time(ise::time_point now, utc_time wall) {
         // Another node's is left to it for a while longer: it may have heard the boat.
         if (ise::saturating_add(e.expires, e.mine ? ise::duration() : ise::duration(std::chrono::seconds(30))) > now)
             continue;
-        auto why = e.record.status.state == telecommand_stage::sent
-                       ? "its time was over without the boat's answer: it may have been executed"
+        bool left = e.record.status.state == telecommand_stage::sent;
+        auto lost = std::ranges::find_if(e.links, [](const auto& one) { return one.second.is_in_the_dark(); });
+        auto why = left ? "its time was over without the boat's answer: it may have been executed"
+                   : lost != e.links.end()
+                       ? fmt::format("its time was over, and {} did not tell whether it was sent: it "
+                                     "may have been executed",
+                                     name_of(lost->first))
                        : "its time was over before it could be sent: " + e.record.status.text;
         change(e, wall, telecommand_stage::expired, why);
     }

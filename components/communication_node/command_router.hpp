@@ -8,7 +8,7 @@
 namespace atirma {
 
 struct desk_options {
-    std::size_t max_open = 64;        ///< telecommands that are not decided; above: overloaded
+    std::size_t max_open = 64;        ///< telecommands that are not decided (`check_place`); above: overloaded
     std::size_t max_remembered = 512; ///< decided ones in memory; older ones are on disk
 };
 
@@ -42,6 +42,7 @@ public:
         std::uint32_t id = 0;
         link_id link = link_id::xbee;
         telecommand_request request; ///< with what is left of its validity
+        bool only_recall = false;    ///< it is called back, and this link may have it since before this node had it
     };
     /// One that is to be given to a link now; it counts as given until it is decided.
     std::optional<give> next_give(ise::time_point now, utc_time wall, const link_table& links);
@@ -49,6 +50,8 @@ public:
     void on_status(utc_time wall, link_id link, const telecommand_status& status);
     /// The proxy will not have it; another link may.
     void on_refused(ise::time_point now, utc_time wall, std::uint32_t id, link_id link, const std::string& why);
+    /// The proxy of that link has it, or may have it.
+    void on_given(std::uint32_t id, link_id link);
     /// It is called back: no further link gets it, and those that have it are to be asked (`services::
     /// telecommand_recall`); what they tell comes to `on_status`. One that no link has is decided at once.
     std::vector<link_id> call_back(utc_time wall, std::uint32_t id, const std::string& why);
@@ -63,9 +66,10 @@ public:
     struct recall {
         std::uint32_t id = 0;
         link_id link = link_id::xbee; ///< that still has it
-        link_id answered = link_id::xbee;
+        std::string why;
     };
-    /// Those that the boat has answered over one link since the last call, while others were still to send them.
+    /// Those that the boat has answered over one link since the last call, while others were still to send them; and
+    /// those that a newer one replaces.
     std::vector<recall> take_recalls() { return std::exchange(recalls_, {}); }
     struct boat_epoch {
         std::uint32_t sent_under = 0; ///< the epoch of the telecommand that the boat answered
@@ -82,6 +86,10 @@ private:
         bool refused = false;
         std::uint32_t attempts = 0;
         telecommand_stage stage = telecommand_stage::queued;
+        bool may_be_there = false; // the proxy has it, as far as is known
+        /// Its proxy may have sent it, and has not told how it ended.
+        bool is_in_the_dark() const noexcept { return may_be_there && !refused && !is_final(stage); }
+        bool to_be_asked() const noexcept { return may_be_there && !given && !refused; }
     };
     struct entry {
         command_record record;
@@ -89,6 +97,10 @@ private:
         bool mine = false;
         std::map<link_id, at_link> links;
     };
+    static void note_link(entry& e);
+    static give give_to(entry& e, link_id link, ise::time_point now);
+    void refused(entry& e, utc_time wall, link_id link, std::string text);
+    void replace(utc_time wall, std::uint32_t id, std::uint32_t by);
     void end_called_back(entry& e, utc_time wall);
     void change(entry& e, utc_time wall, telecommand_stage stage, std::string text);
     static ise::duration left_of(ise::time_point now, utc_time wall, const command_record& record, bool mine);

@@ -14,6 +14,8 @@ node_authority::node_authority(node_context& here, store_keeper& store, other_no
 void node_authority::set(const authority_state& state, std::uint64_t change) {
     book_.apply(state, change);
     authorities_(book_.now());
+    if (!unconfirmed_ || state.epoch < *unconfirmed_) return;
+    if (state.epoch == *std::exchange(unconfirmed_, std::nullopt)) changed_hands_();
 }
 
 void node_authority::restore(const authority_state& state, std::uint64_t change) {
@@ -37,6 +39,14 @@ ise::task<authority_state> node_authority::change(authority_request request, std
         store_answer<std::optional<node_store::change_of_authority>> answer(here_.self.on());
         store_->put(next, before, store_.written(answer.here()));
         auto put = co_await answer.get();
+        if (!put && put.error().executed() == ise::execution::unknown) {
+            if (hands) unconfirmed_ = made->epoch;
+            throw ise::error(
+                put.error().code(),
+                fmt::format("it is not known whether the authority has changed; look at it, or ask again: {}",
+                            put.error().message()),
+                put.error().executed());
+        }
         if (!put)
             throw ise::error(ise::errc::refused,
                              fmt::format("the authority stays as it is, as the change cannot be put to disk: {}",
@@ -45,6 +55,7 @@ ise::task<authority_state> node_authority::change(authority_request request, std
             set((*put)->first, (*put)->second);
             continue;
         }
+        unconfirmed_.reset();
         set(next.first, next.second);
         peer_.notify_news();
         here_.self.log().info("authority over the boat", {{"how", hands ? made->how : who + " asks for it"},

@@ -4,6 +4,7 @@
 #include <components/communication_node/store_keeper.hpp>
 
 #include <functional>
+#include <optional>
 #include <string>
 
 namespace atirma {
@@ -11,7 +12,7 @@ namespace atirma {
 /// The authority over the boat at this node: on disk, at the other node, and published.
 class node_authority {
 public:
-    /// `changed_hands` is called after each new epoch that this node assigned.
+    /// `changed_hands` is called after each new epoch that this node assigned, once the store is known to have it.
     node_authority(node_context& here, store_keeper& store, other_node& peer, const opened_store& opened,
                    std::function<void()> changed_hands);
 
@@ -31,6 +32,7 @@ private:
     other_node& peer_;
     std::function<void()> changed_hands_;
     authority_book book_;
+    std::optional<std::uint32_t> unconfirmed_; // an epoch of this node that may be in the store
     ise::publication<ise::subscription<authority_state>> authorities_;
 };
 

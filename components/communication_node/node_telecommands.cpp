@@ -33,14 +33,14 @@ void node_telecommands::work() {
     if (working_) return;
     working_ = true;
     router_.on_time(here_.now(), here_.clock());
+    for (const auto& one : router_.take_recalls())
+        here_.self.spawn(fmt::format("recalls telecommand {} over {}", one.id, name_of(one.link)), recall(one));
     while (auto give = router_.next_give(here_.now(), here_.clock(), links_.table())) {
         record_changes();
         auto name = fmt::format("telecommand {} over {}", give->id, name_of(give->link));
         here_.self.spawn(std::move(name), drive(std::move(*give)));
     }
     record_changes();
-    for (const auto& one : router_.take_recalls())
-        here_.self.spawn(fmt::format("recalls telecommand {} over {}", one.id, name_of(one.link)), recall(one));
     auto next = router_.next_event(here_.now(), links_.table());
     if (next == ise::time_point::max()) due_.disarm();
     else due_.arm(next);
@@ -156,10 +156,18 @@ ise::task<ise::result<command_record>> node_telecommands::begin(telecommand_requ
         store_answer<node_store::begun> answer(here_.self.on());
         store_->begin(*record, authority_.now().epoch, store_.written(answer.here()));
         auto begun = co_await answer.get();
-        if (!begun)
+        if (!begun) {
+            const auto& why = begun.error();
+            if (why.executed() == ise::execution::unknown)
+                co_return ise::failure(why.code(),
+                                       fmt::format("it is not known whether the telecommand was recorded, and it is "
+                                                   "sent if it was; ask for it again with its id: {}",
+                                                   why.message()),
+                                       why.executed());
             co_return ise::failure(
-                begun.error().code(),
-                fmt::format("the telecommand cannot be recorded, and so it is not sent: {}", begun.error().message()));
+                why.code(),
+                fmt::format("the telecommand cannot be recorded, and so it is not sent: {}", why.message()));
+        }
         if (begun->authority) { // another node changed it: whether this operator may command is decided anew
             authority_.set(begun->authority->first, begun->authority->second);
             check(request, who);
@@ -206,12 +214,13 @@ ise::task<telecommand_reply> node_telecommands::accept(telecommand_request reque
     std::optional<command_record> record;
     if (request.id != 0) {
         auto found = co_await recorded(request.id);
-        if (!found) throw command_refused(found.error().message());
+        if (!found) throw ise::error(found.error()); // it may be under way
         record = std::move(*found);
     }
     if (!record) {
         check(request, who);
         auto begun = co_await begin(request, who, verified);
+        if (!begun && begun.error().executed() == ise::execution::unknown) throw ise::error(begun.error());
         if (!begun) throw command_refused(begun.error().message());
         record = std::move(*begun);
     }
@@ -256,15 +265,25 @@ ise::task<> node_telecommands::drive(command_router::give what) {
     auto expires =
         here_.now() + std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(*what.request.valid_s));
     ise::duration pause = 500ms;
-    bool may_be_there = false;
+    bool may_be_there = what.only_recall, answered = false;
     for (;;) {
-        if (router_.is_called_back(what.id) && !may_be_there) {
+        bool called_back = router_.is_called_back(what.id);
+        if (called_back && !may_be_there) {
             router_.on_refused(here_.now(), here_.clock(), what.id, what.link, "called back");
             co_return work();
         }
         const auto* record = router_.find(what.id);
         auto left = expires - here_.now();
         if (!record || is_final(record->status.state) || record->node != here_.self.path() || left < 2s) co_return;
+        if (called_back && !answered) {
+            auto there = co_await recall_from(what.link, what.id, record->called_back);
+            answered = there && there->state == telecommand_stage::acknowledged; // the boat knows it: asking is safe
+            // A proxy that was started anew may have sent it before; with `telecommand` it would get it as a new one.
+            if (there && !there->state) on_recalled(what.link, what.id, telecommand_stage::expired, there->text);
+            co_await here_.self.sleep(pause);
+            pause = std::min<ise::duration>(pause * 2, 5s);
+            continue;
+        }
         auto giving = time_to_give(left);
         what.request.valid_s = std::chrono::duration<float>(left - giving).count();
         auto got = co_await proxy->try_call(services::telecommand, what.request, giving);
@@ -287,6 +306,7 @@ ise::task<> node_telecommands::drive(command_router::give what) {
             co_return;
         }
         may_be_there = may_be_there || got || got.error().executed() == ise::execution::unknown;
+        if (may_be_there) router_.on_given(what.id, what.link);
         co_await here_.self.sleep(pause);
         pause = std::min<ise::duration>(pause * 2, 5s);
     }
@@ -294,54 +314,61 @@ ise::task<> node_telecommands::drive(command_router::give what) {
 
 ise::task<recall_reply> node_telecommands::call_back(recall_request request, std::string who) {
     recall_reply reply;
-    const auto* record = router_.find(request.id);
-    if (!record) {
+    auto record = co_await recorded(request.id);
+    if (!record) throw command_refused(record.error().message());
+    if (!*record) {
         reply.text = "it is not known here";
         co_return reply;
     }
-    if (record->status.asked_by != who)
+    const auto& known = **record;
+    if (known.status.asked_by != who)
         if (auto why = authority_.book().refusal(who)) throw command_refused(*why);
-    if (record->node != here_.self.path() && !is_final(record->status.state))
-        throw command_refused(fmt::format("it is under way at {}: call it back there", record->node));
-    auto kind = record->status.kind;
-    auto have = router_.call_back(here_.clock(), request.id, fmt::format("by {}", who));
+    if (known.node != here_.self.path() && !is_final(known.status.state))
+        throw command_refused(fmt::format("it is under way at {}: call it back there", known.node));
+    auto why = fmt::format("by {}", who);
+    auto have = router_.call_back(here_.clock(), request.id, why);
     work();
-    for (auto link : have) {
-        auto* proxy = links_.proxy(link);
-        if (!proxy) continue;
-        recall_request there;
-        there.id = request.id;
-        there.why = fmt::format("by {}", who);
-        auto response = co_await proxy->try_call(services::telecommand_recall, there, 5s);
-        if (!response || !response->state || !is_final(*response->state)) continue;
-        telecommand_status status;
-        status.id = request.id;
-        status.kind = kind;
-        status.state = *response->state;
-        status.text = response->text;
-        // An answer of the boat comes with all that belongs to it by the proxy's own word.
-        if (status.state != telecommand_stage::acknowledged) on_status(link, status);
-    }
-    if (const auto* now = router_.find(request.id)) {
-        reply.state = now->status.state;
-        reply.recalled = now->status.state == telecommand_stage::failed;
-        reply.text =
-            is_final(now->status.state)
-                ? now->status.text
-                : "no further link gets it, but it cannot be called back from where it is: " + now->status.text;
-    }
+    for (auto link : have) co_await recall_from(link, request.id, why);
+    const auto* here = router_.find(request.id); // nothing: it was decided long ago
+    const auto& now = here ? here->status : known.status;
+    reply.state = now.state;
+    reply.recalled = now.state == telecommand_stage::failed;
+    reply.text = is_final(now.state)
+                     ? now.text
+                     : "no further link gets it, but it cannot be called back from where it is: " + now.text;
     co_return reply;
 }
 
-/// A proxy that is not reached tries on until the validity is over; the boat executes an id once.
 ise::task<> node_telecommands::recall(command_router::recall what) {
-    auto* proxy = links_.proxy(what.link);
-    if (!proxy) co_return;
-    recall_request request;
-    request.id = what.id;
-    request.why = fmt::format("acknowledged over {}", name_of(what.answered));
-    auto response = co_await proxy->try_call(services::telecommand_recall, request, 10s);
+    auto response = co_await recall_from(what.link, what.id, what.why);
     if (response) here_.self.log().debug("recalled", {{"id", std::to_string(what.id)}, {"outcome", response->text}});
+}
+
+/// Once; what the proxy answers is noted. Nothing where it is not reached. That it does not know the id ends nothing
+/// here: it may still be on its way there, which `drive` knows.
+ise::task<std::optional<recall_reply>> node_telecommands::recall_from(link_id link, std::uint32_t id, std::string why) {
+    auto* proxy = links_.proxy(link);
+    if (!proxy) co_return std::nullopt;
+    recall_request request;
+    request.id = id;
+    request.why = std::move(why);
+    auto response = co_await proxy->try_call(services::telecommand_recall, request, 5s);
+    if (!response) co_return std::nullopt;
+    // An answer of the boat comes with all that belongs to it by the proxy's own word.
+    if (response->state && is_final(*response->state) && *response->state != telecommand_stage::acknowledged)
+        on_recalled(link, id, *response->state, response->text);
+    co_return std::move(*response);
+}
+
+void node_telecommands::on_recalled(link_id link, std::uint32_t id, telecommand_stage state, const std::string& text) {
+    const auto* record = router_.find(id);
+    if (!record) return;
+    telecommand_status status;
+    status.id = id;
+    status.kind = record->status.kind;
+    status.state = state;
+    status.text = text;
+    on_status(link, status);
 }
 
 } // namespace atirma

@@ -63,6 +63,8 @@ private:
     void save();
     ise::task<> drive(command_router::give what);
     ise::task<> recall(command_router::recall what);
+    ise::task<std::optional<recall_reply>> recall_from(link_id link, std::uint32_t id, std::string why);
+    void on_recalled(link_id link, std::uint32_t id, telecommand_stage state, const std::string& text);
 
     node_context& here_;
     store_keeper& store_;

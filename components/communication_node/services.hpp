@@ -9,9 +9,10 @@ struct command_record {
     telecommand_status status;
     utc_time valid_until{};
     std::optional<link_id> via;
-    std::string node;                 ///< which one gives it to the links
-    std::int64_t asked_steady_ms = 0; ///< `asked_at` by the steady clock of that node; 0: not known
-    std::string called_back;          ///< why no further link gets it; empty: any may
+    std::string node;                    ///< which one gives it to the links
+    std::int64_t asked_steady_ms = 0;    ///< `asked_at` by the steady clock of that node; 0: not known
+    std::string called_back;             ///< why no further link gets it; empty: any may
+    std::vector<std::uint32_t> replaces; ///< those that were open when it came, and are called back for it
 };
 
 /// A packet of the provider's store.

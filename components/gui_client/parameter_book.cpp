@@ -69,6 +69,7 @@ void parameter_book::on_settled(std::uint32_t id, command_phase phase, std::opti
         one->confirmed = value;
         one->confirmed_at = now;
     }
+    one->problem.clear(); // of an older one, which this one has replaced
     if (phase != command_phase::done) one->problem = text.empty() ? std::string(name_of(phase)) : text;
 }
 

@@ -37,20 +37,30 @@ ise::task<command_phase> telecommand_sender::execute(give_command what, const bo
     context_.news();
     if (auto why = limits_forbid(what); !why.empty()) co_return settle(request.id, command_phase::refused, why);
     if (to.empty()) co_return settle(request.id, command_phase::failed, "no link to the boat was found yet");
-    if (open_ >= max_open)
-        co_return settle(request.id, command_phase::failed, fmt::format("{} telecommands wait already", open_));
-    struct counted {
-        std::size_t& count;
-        explicit counted(std::size_t& in) : count(in) { ++count; }
-        ~counted() { --count; }
-    } open(open_);
+    if (open_.size() >= max_open)
+        co_return settle(request.id, command_phase::failed, fmt::format("{} telecommands wait already", open_.size()));
+    struct listed {
+        telecommand_sender& of;
+        std::uint32_t id;
+        listed(telecommand_sender& in, std::uint32_t which, const boat_command& command) : of(in), id(which) {
+            of.open_.emplace(id, command);
+        }
+        ~listed() { of.open_.erase(id); }
+    } open(*this, request.id, what.command);
     bool needs_authority = traits_of(what.command.kind()).needs_authority;
     auto refusal = co_await authority_.acquire(needs_authority ? what.authority : taking::no);
     if (!refusal.empty()) co_return settle(request.id, command_phase::refused, refusal);
     auto id = request.id;
+    if (context_.role.empty()) replace_older(id, what.command); // the nodes do so by themselves
     auto phase = co_await repeat(std::move(to), std::move(request), expires, stop);
     called_back_.erase(id);
     co_return phase;
+}
+
+void telecommand_sender::replace_older(std::uint32_t by, const boat_command& newer) {
+    for (const auto& [id, older] : open_)
+        if (id != by && newer.replaces(older))
+            context_.self.spawn("call back", call_back(id, fmt::format("replaced by telecommand {}", by)));
 }
 
 float telecommand_sender::default_valid_s(command_kind kind, const std::string& via) const {
@@ -92,7 +102,7 @@ ise::task<command_phase> telecommand_sender::repeat(std::string to, telecommand_
     auto& self = context_.self;
     auto provider = find_component(self, to);
     auto max_deadline = stop ? max_call_with_stop : max_call;
-    bool may_be_executed = false;
+    bool may_be_executed = false, answered = false;
     for (;;) {
         auto left = expires - self.now();
         if (left < 2s) break;
@@ -100,6 +110,21 @@ ise::task<command_phase> telecommand_sender::repeat(std::string to, telecommand_
             co_return settle(request.id, command_phase::failed, "called back before it left this console");
         if (stop && *stop) co_return command_phase::sent;
         auto deadline = std::min(time_to_give(left), max_deadline);
+        if (called_back_.contains(request.id) && !answered) {
+            recall_request back;
+            back.id = request.id;
+            back.why = "called back by its operator";
+            auto there = co_await provider.try_call(services::telecommand_recall, back, deadline);
+            // A provider that was started anew may have sent it before; `telecommand` would give it a new one.
+            if (there && !there->state)
+                co_return settle(request.id, command_phase::expired, there->text + "; it may have been executed");
+            if (there && is_final(*there->state) && *there->state != telecommand_stage::acknowledged)
+                co_return settle(request.id, command_log::phase_of(*there->state, std::nullopt), there->text);
+            // The boat's answer is asked for; and a node that refuses the recall has it on record.
+            answered = there ? there->state == telecommand_stage::acknowledged : is_refusal(there.error().code());
+            if (!answered) co_await self.sleep(stop ? try_again_with_stop : try_again);
+            continue;
+        }
         request.valid_s = std::chrono::duration<float>(left - deadline).count();
         // A node has a service of its own for raw ones; a proxy has one for all.
         bool raw = request.command.get_if<commands::raw>() && !context_.role.empty();
@@ -131,7 +156,7 @@ ise::task<command_phase> telecommand_sender::repeat(std::string to, telecommand_
                      "its time is over, and the proxy was not reached: it was not executed");
 }
 
-ise::task<> telecommand_sender::call_back(std::uint32_t id) {
+ise::task<> telecommand_sender::call_back(std::uint32_t id, std::string why) {
     const auto* entry = context_.state.commands().find(id);
     if (!entry || is_over(entry->phase)) co_return;
     auto say = [this, id](std::string text) {
@@ -143,7 +168,7 @@ ise::task<> telecommand_sender::call_back(std::uint32_t id) {
     auto to = context_.role.empty() ? entry->path : context_.role;
     recall_request request;
     request.id = id;
-    request.why = "by its operator";
+    request.why = std::move(why);
     auto provider = find_component(context_.self, to);
     auto response = co_await provider.try_call(services::telecommand_recall, request, max_call);
     if (!response) say("could not be called back: " + response.error().message());

@@ -3,6 +3,7 @@
 #include <components/gui_client/client_context.hpp>
 #include <components/gui_client/operator_port.hpp>
 
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -22,10 +23,12 @@ public:
 
     /// Shows it as refused; it is not sent.
     void refuse(const give_command& what, std::string why);
-    /// Calls one back: asks the node or proxy that has it, and does not ask for it any more. Cancellation: terminal.
-    ise::task<> call_back(std::uint32_t id);
+    /// Calls one back: asks the node or proxy that has it, and does not give it any more. Cancellation: terminal.
+    ise::task<> call_back(std::uint32_t id, std::string why = "by its operator");
 
 private:
+    /// Calls back those of its own that are open and whose place the newer one takes.
+    void replace_older(std::uint32_t by, const boat_command& newer);
     /// Why it takes an override of the operator; empty: it does not.
     std::string limits_forbid(const give_command& what) const;
     /// The component that gets it; sets `request.via` where the communication nodes choose the link.
@@ -38,7 +41,7 @@ private:
 
     client_context& context_;
     authority_client& authority_;
-    std::size_t open_ = 0; ///< not decided yet
+    std::map<std::uint32_t, boat_command> open_; ///< not decided yet
     std::set<std::uint32_t> called_back_;
 };
 

@@ -243,9 +243,13 @@ TEST_CASE("atirma: lossy air costs retries and no telecommand") {
     lossy.extra_loss = 0.4;
     set_air(it, lossy);
     std::vector<asked> answers(6);
-    for (std::size_t i = 0; i < answers.size(); ++i)
-        command(it, set_mode(static_cast<std::uint32_t>(100 + i), i % 2 ? sailing_mode::automatic : sailing_mode::hold),
-                4min, answers[i]);
+    for (std::size_t i = 0; i < answers.size(); ++i) {
+        telecommand_request request;
+        request.id = static_cast<std::uint32_t>(100 + i);
+        request.command = commands::waypoint_add{{28.16, -15.45}}; // none replaces another
+        request.valid_s = 300;
+        command(it, request, 4min, answers[i]);
+    }
     REQUIRE(it.until(
         [&] { return std::all_of(answers.begin(), answers.end(), [](const asked& a) { return a.has_value(); }); },
         10min));

@@ -1,5 +1,7 @@
 #include "shore.hpp"
 
+#include <components/boat/recall.hpp>
+
 #include <support/catch.hpp>
 
 using namespace communication_test;
@@ -319,6 +321,88 @@ TEST_CASE("communication: a telecommand's validity ends in time where the clock 
     CHECK(it.boat.executed.count(5) == 0);
 }
 
+TEST_CASE("communication: an order that was lost on the air is not executed after a newer one") {
+    crewed it;
+    REQUIRE(it.authority("ana", take));
+    REQUIRE(it.until([&] { return it.boat.boat.authority() == 2; }, 10s));
+    auto mode = [](std::uint32_t id, sailing_mode to) {
+        telecommand_request made;
+        made.id = id;
+        made.command = commands::set_mode{to};
+        return made;
+    };
+    it.boat.over(link_id::xbee).lose = 1;
+    (void)it.command("ana", mode(101, sailing_mode::return_home), 1s);
+    it.world.run_for(5s);
+    auto newer = mode(102, sailing_mode::station_keep);
+    SECTION("over the same link") {}
+    SECTION("over another link") { newer.via = link_id::gprs; }
+    SECTION("at the other node, as the first one dies") { it.crash(one); }
+    auto hold = it.command("ana", newer);
+    REQUIRE(hold);
+    CHECK(hold->result == ack_code::done);
+    it.world.run_for(60s);
+    CHECK(it.boat.boat.pilot().mode() == sailing_mode::station_keep);
+    auto page = it.ask("bea", services::telecommand_record, record_request());
+    REQUIRE(page);
+    auto entry = std::ranges::find(page->entries, 101u, &telecommand_status::id);
+    REQUIRE(entry != page->entries.end());
+    CHECK(entry->state == telecommand_stage::expired);
+    CHECK_THAT(entry->text, Contains("replaced by telecommand 102") && Contains("may have been executed"));
+    REQUIRE_FALSE(it.told_of(101).empty());
+    CHECK(it.told_of(101).back().text == entry->text);
+}
+
+TEST_CASE("communication: what was called back is not given again to a proxy that was started anew") {
+    crewed it;
+    REQUIRE(it.authority("ana", take));
+    REQUIRE(it.until([&] { return it.boat.boat.authority() == 2; }, 10s));
+    for (auto link : {link_id::xbee, link_id::gprs, link_id::iridium}) it.link_up(link, false);
+    auto request = adds_waypoint(5);
+    request.via = link_id::xbee;
+    request.valid_s = 300;
+    (void)it.command("ana", request, 2s);
+    it.world.run_for(20s);
+    it.crash("shore/xbee");
+    it.world.run_for(2s);
+    recall_request back;
+    back.id = 5;
+    auto reply = it.ask("ana", services::telecommand_recall, back);
+    REQUIRE(reply);
+    CHECK_FALSE(reply->recalled);
+    SECTION("the node goes on") {}
+    SECTION("the node is started anew, too") {
+        it.crash(one);
+        it.world.run_for(5s);
+        it.start_node(one);
+    }
+    it.start_proxy(link_id::xbee);
+    it.world.run_for(20s);
+    for (auto link : {link_id::xbee, link_id::gprs, link_id::iridium}) it.link_up(link, true);
+    it.world.run_for(60s);
+    CHECK(it.boat.executed.count(5) == 0);
+    reply = it.ask("ana", services::telecommand_recall, back);
+    REQUIRE(reply);
+    CHECK(reply->state == telecommand_stage::expired);
+    CHECK_THAT(reply->text, Contains("called back (by test/ana)") && Contains("may have been executed"));
+}
+
+TEST_CASE("communication: pings of somebody without the authority keep nobody from commanding the boat") {
+    crewed it;
+    REQUIRE(it.authority("ana", take));
+    REQUIRE(it.until([&] { return it.boat.boat.authority() == 2; }, 10s));
+    it.link_up(link_id::iridium, false);
+    for (std::uint32_t i = 0; i < 64; ++i) {
+        auto ping = of_kind(1000 + i, command_kind::ping);
+        ping.via = link_id::iridium;
+        ping.valid_s = 86400;
+        (void)it.command("eve", ping, 200ms);
+    }
+    CHECK(it.command("ana", adds_waypoint(5))->result == ack_code::done);
+    REQUIRE(it.authority("bea", take, true));
+    CHECK(it.until([&] { return it.boat.boat.authority() == 4; }, 10s)); // the epoch is announced all the same
+}
+
 TEST_CASE("communication: a telecommand takes the link that was chosen, or the best one that is alive") {
     crewed it;
     REQUIRE(it.authority("ana", take));
@@ -354,8 +438,9 @@ TEST_CASE("communication: a link that does not deliver is joined by another, and
     CHECK(it.boat.over(link_id::gprs).commands == 1);
     CHECK(it.told_of(5).back().link == link_id::gprs);
     auto radio = it.boat.over(link_id::xbee).commands;
-    it.link_up(link_id::xbee, true); // where it waits as well
-    REQUIRE(it.until([&] { return it.boat.over(link_id::xbee).commands == radio + 1; }, 150s));
+    it.link_up(link_id::xbee, true); // where it waited as well, until the boat had answered
+    it.world.run_for(150s);
+    CHECK(it.boat.over(link_id::xbee).commands == radio);
     CHECK(it.boat.executed[5] == 1);
     CHECK(it.waypoints() == 1);
 }

@@ -54,18 +54,11 @@ acknowledgement boat_at_sea::execute(ise::bytes_view raw, link_id from, utc_time
 
 ise::task<> scripted_proxy::run() {
     telemetry_ = publish(services::telemetry);
-    audience_.emplace(*this);
-    audience_->provide([this](std::uint32_t) {
-        std::vector<telecommand_status> open;
-        for (const auto* each : tracker_.open()) open.push_back(status_of(*each, link_));
-        return open;
-    });
-    provide(services::telecommand, [this](telecommand_request request, const ise::call_context& context) {
-        auto chosen = static_cast<std::uint32_t>(env().random()) | 1u;
-        auto taken = tracker_.submit(at_now(), request, chosen);
-        if (!taken) throw ise::error(ise::errc::refused, taken.error().message());
-        return audience_->reply(status_of(*tracker_.find(*taken), link_), context.deadline);
-    });
+    link_policy policy;
+    policy.link = link_;
+    commands_.emplace(*this, policy);
+    commands_->give = [this] { return give(); };
+    commands_->provide();
     if (boat_.over(link_).acknowledges) spawn("acknowledge", acknowledge());
     for (;;) {
         pass();
@@ -85,14 +78,22 @@ void scripted_proxy::pass() {
     } else if (!link.acknowledges) {
         link.waiting.clear(); // sent into the air
     }
+    commands_->work();
+}
+
+bool scripted_proxy::give() {
+    auto& link = boat_.over(link_);
+    auto& tracker = commands_->tracker();
     using kind = link_outcome::kind;
-    while (auto due = tracker_.next_due(at_now())) {
-        tracker_.on_outcome(at_now(), due->id,
-                            link.up ? make_outcome(kind::delivered, "")
-                                    : make_outcome(kind::later, "the boat is out of range"));
-        if (link.up) tracker_.on_acknowledgement(at_now(), boat_.execute(due->raw, link_, clock()));
+    while (auto due = tracker.next_due(commands_->now())) {
+        tracker.on_outcome(commands_->now(), due->id,
+                           link.up ? make_outcome(kind::delivered, "")
+                                   : make_outcome(kind::later, "the boat is out of range"));
+        if (!link.up) continue;
+        if (link.lose > 0) --link.lose;
+        else tracker.on_acknowledgement(commands_->now(), boat_.execute(due->raw, link_, clock()));
     }
-    for (const auto& change : tracker_.take_changes()) audience_->tell(status_of(change, link_));
+    return true;
 }
 
 // As the GPRS proxy: the boat is acknowledged what is on disk.

@@ -1,8 +1,7 @@
 // The shore of a boat on the virtual world: name server, two communication nodes with a disk each, a scripted proxy for
 // each link, operators and a subscriber of the role.
 #pragma once
-#include <components/boat/telecommand_audience.hpp>
-#include <components/boat/telecommand_tracker.hpp>
+#include <components/boat/telecommand_service.hpp>
 #include <components/boat/telemetry_follower.hpp>
 #include <components/boat_simulator/simulated_boat.hpp>
 #include <components/communication_node/communication_node.hpp>
@@ -37,6 +36,7 @@ struct boat_at_sea {
         bool acknowledges = false;            ///< the boat keeps what it sends until it is told that it is kept
         std::deque<telemetry_packet> waiting; ///< of what it sends
         std::uint32_t commands = 0;           ///< that arrived over it
+        std::uint32_t lose = 0;               ///< so many that the link counts as delivered are lost on the air
     };
     telemetry_packet make(link_id over, utc_time at);
     link& over(link_id which) { return links[static_cast<std::size_t>(which)]; }
@@ -51,7 +51,7 @@ struct boat_at_sea {
     std::vector<std::uint32_t> epochs; ///< of what it obeyed, in order
 };
 
-/// A proxy that does what proxies do, over a link that the test switches; nothing can be called back there.
+/// A proxy that does what proxies do, over a link that the test switches.
 class scripted_proxy final : public ise::component {
 public:
     scripted_proxy(link_id link, boat_at_sea& boat) : link_(link), boat_(boat) {}
@@ -60,18 +60,12 @@ private:
     ise::task<> run() override;
     ise::task<> acknowledge();
     void pass();
-    tracker_time at_now() const {
-        tracker_time made;
-        made.now = now();
-        made.wall = clock();
-        return made;
-    }
+    bool give();
     utc_time clock() const { return std::chrono::floor<std::chrono::milliseconds>(wall()); }
 
     link_id link_;
     boat_at_sea& boat_;
-    telecommand_tracker tracker_;
-    std::optional<telecommand_audience> audience_;
+    std::optional<telecommand_service> commands_;
     std::set<packet_key> told_;
     ise::publication<ise::subscription<telemetry_packet>> telemetry_;
 };

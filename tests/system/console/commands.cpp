@@ -208,3 +208,46 @@ TEST_CASE("console: the modem's power is set, and a value that is none is refuse
     REQUIRE(console.port->act(power));
     REQUIRE(it.until([&] { return console.see()->links[0].xbee_answer.find("not 9") != std::string::npos; }));
 }
+
+TEST_CASE("console: a newer order takes the place of one that waits at a proxy, also where no node records them") {
+    sea it;
+    desk console(it.world, "desk", at_the_proxy());
+    REQUIRE(it.until([&] { return works(console); }));
+    auto air = [&](bool up) {
+        it.user([up](ise::component& self) -> ise::task<> {
+            xbee_air_request change;
+            change.up = up;
+            auto there = sea::air(self);
+            co_await there.call(services::air_control, change, 5s);
+        });
+    };
+    air(false);
+    it.world.run_for(5s);
+    REQUIRE(console.port->act(set_mode(sailing_mode::return_home)));
+    REQUIRE(it.until([&] { return console.last_command() && console.last_command()->phase >= command_phase::queued; }));
+    auto older = console.last_command()->id;
+    auto entry = [&](std::uint32_t id) {
+        auto all = console.see()->commands;
+        return *std::ranges::find(*all, id, &command_entry::id);
+    };
+    SECTION("the proxy goes on") {
+        REQUIRE(console.port->act(set_mode(sailing_mode::hold)));
+        REQUIRE(it.until([&] { return is_over(entry(older).phase); }, 1min));
+        CHECK(entry(older).text.find("replaced by telecommand") != std::string::npos);
+        air(true);
+        REQUIRE(it.until([&] { return console.last_command()->phase == command_phase::done; }, 5min));
+        CHECK(it.boat().pilot().mode() == sailing_mode::hold); // the modem may have sent the older one, before
+    }
+    SECTION("the proxy is started anew, and knows nothing of the older one") {
+        it.proxy_process().crash();
+        it.world.run_for(2s);
+        REQUIRE(console.port->act(call_back_command{older}));
+        it.world.run_for(2s);
+        it.proxy_process().restart();
+        it.world.run_for(20s);
+        air(true);
+        it.world.run_for(2min);
+        CHECK(it.boat().pilot().mode() == sailing_mode::automatic);
+        CHECK(entry(older).phase == command_phase::expired);
+    }
+}

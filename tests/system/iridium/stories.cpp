@@ -317,7 +317,11 @@ TEST_CASE("iridium: a daily budget that is spent holds telecommands until midnig
     auto& seen = it.watch();
     REQUIRE(it.until([&] { return seen.telemetry.size() >= 2; }));
     ocean::asked answers[3];
-    for (std::uint32_t i = 0; i < 3; ++i) it.command(set_mode(31 + i, sailing_mode::hold, 80'000), 5s, answers[i]);
+    for (std::uint32_t i = 0; i < 3; ++i) {
+        auto request = set_mode(31 + i, sailing_mode::hold, 80'000);
+        request.command = commands::waypoint_add{{28.16, -15.45}}; // none replaces another
+        it.command(request, 5s, answers[i]);
+    }
     REQUIRE(it.until(
         [&] {
             return is_decided(seen, 31, telecommand_stage::acknowledged) &&

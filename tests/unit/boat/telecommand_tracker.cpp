@@ -116,6 +116,71 @@ TEST_CASE("telecommand tracker: what the boat has answered over another link is 
     CHECK(it.stage(5) == telecommand_stage::acknowledged);
 }
 
+TEST_CASE(
+    "telecommand tracker: a newer telecommand takes the place of open ones of its kind, where only the newest counts") {
+    desk it;
+    auto give = [&](std::uint32_t id, boat_command command, std::uint32_t authority = 0) {
+        telecommand_request request;
+        request.id = id;
+        request.command = command;
+        request.authority = authority;
+        request.valid_s = 300;
+        it.book.submit(it.at(), request, 77).value();
+        it.book.replace_older(it.at(), id);
+    };
+    give(1, commands::set_mode{sailing_mode::return_home});
+    REQUIRE(it.due());
+    it.outcome(1, link_outcome::kind::delivered); // and lost on the air
+    give(2, commands::tack_now());
+    give(3, commands::set_mode{sailing_mode::station_keep});
+    CHECK(it.stage(1) == telecommand_stage::expired);
+    CHECK_THAT(it.book.find(1)->text, ise_test::Contains("replaced by telecommand 3"));
+    CHECK(it.stage(2) == telecommand_stage::queued);
+    give(4, commands::set_mode{sailing_mode::hold});
+    CHECK(it.stage(3) == telecommand_stage::failed); // it never left
+    it.pass(1min);
+    for (auto next = it.due(); next; next = it.due()) CHECK(next->id != 1);
+    // Each of these counts by itself: a list in parts, other parameters, bytes for the controller.
+    desk other;
+    std::swap(it, other);
+    for (std::uint8_t i = 0; i < 3; ++i) give(10 + i, commands::mission_stage{i, {28.1, -15.4}});
+    give(13, commands::set_parameter{parameter_id::fence, 0});
+    give(14, commands::set_parameter{parameter_id::leeway_compensation, 1});
+    give(15, commands::raw{"a"});
+    give(16, commands::raw{"b"});
+    CHECK(it.book.open_count() == 7);
+    give(17, commands::set_parameter{parameter_id::fence, 1});
+    CHECK(it.stage(13) == telecommand_stage::failed);
+    CHECK(it.stage(14) == telecommand_stage::queued);
+    // Somebody without the authority replaces nothing.
+    give(20, commands::set_mode{sailing_mode::hold}, 4);
+    give(21, commands::set_mode{sailing_mode::automatic}, 0);
+    CHECK(it.stage(20) == telecommand_stage::queued);
+}
+
+TEST_CASE(
+    "telecommand tracker: those that need no authority leave room for those that steer, and what saves has its own") {
+    link_policy few;
+    few.max_open = 4;
+    desk it(few);
+    auto asked = [&](std::uint32_t id, boat_command command) {
+        telecommand_request request;
+        request.id = id;
+        request.command = command;
+        auto taken = it.book.submit(it.at(), request, 0);
+        if (!taken) CHECK(taken.error().code() == ise::errc::overloaded);
+        return taken.has_value();
+    };
+    CHECK(asked(1, commands::ping()));
+    CHECK(asked(2, commands::request_status()));
+    CHECK_FALSE(asked(3, commands::ping()));
+    CHECK(asked(4, commands::waypoint_delete{0}));
+    CHECK(asked(5, commands::waypoint_delete{1}));
+    CHECK_FALSE(asked(6, commands::waypoint_delete{2}));
+    CHECK(asked(7, commands::set_mode{sailing_mode::station_keep}));
+    CHECK(asked(8, commands::emergency_beacon{true}));
+}
+
 TEST_CASE("telecommand tracker: what may have left the shore never becomes queued again") {
     desk it;
     it.ask(8);
@@ -147,13 +212,13 @@ TEST_CASE("telecommand tracker: it is bounded in what is open and in what is rem
     few.max_open = 3;
     few.max_remembered = 2;
     desk it(few);
-    for (std::uint32_t id = 1; id <= 3; ++id) it.ask(id);
+    for (std::uint32_t id = 1; id <= 3; ++id) it.ask(id, command_kind::reboot);
     telecommand_request more;
     more.id = 4;
     auto refused = it.book.submit(it.at(), more, 0);
     REQUIRE_FALSE(refused);
     CHECK(refused.error().code() == ise::errc::overloaded);
-    for (std::uint32_t id = 1; id <= 3; ++id) CHECK(it.acknowledge(id));
+    for (std::uint32_t id = 1; id <= 3; ++id) CHECK(it.acknowledge(id, command_kind::reboot));
     CHECK(it.book.find(1) == nullptr);
     CHECK(it.book.find(3) != nullptr);
     it.ask(4);

@@ -44,7 +44,7 @@ struct table {
     telecommand_status says(std::uint32_t id, telecommand_stage stage, std::string text = "") {
         telecommand_status made;
         made.id = id;
-        made.kind = command_kind::tack_now;
+        made.kind = status(id).kind;
         made.state = stage;
         made.text = std::move(text);
         if (stage == telecommand_stage::acknowledged) made.result = ack_code::done;
@@ -125,7 +125,7 @@ TEST_CASE("command desk: once one link has the answer, the others that still hav
     REQUIRE(recalls.size() == 1);
     CHECK(recalls[0].id == 5);
     CHECK(recalls[0].link == gprs);
-    CHECK(recalls[0].answered == xbee);
+    CHECK(recalls[0].why == "acknowledged over xbee");
     CHECK(it.desk.take_recalls().empty());
     // What the link says of it then changes nothing.
     it.desk.on_status(it.wall, gprs, it.says(5, telecommand_stage::expired, "called back"));
@@ -266,18 +266,157 @@ TEST_CASE("command desk: what cannot be is refused, and the number of telecomman
     table it(small);
     auto bad = it.request(1, 0);
     CHECK(it.desk.prepare(it.now, it.wall, bad, 1, "ana", 0, me).error().code() == ise::errc::invalid_argument);
+    auto request = [&it](std::uint32_t id) {
+        auto made = it.request(id);
+        made.command = commands::reboot();
+        return made;
+    };
     for (std::uint32_t id = 1; id <= 10; ++id) {
-        it.begin(it.request(id));
+        it.begin(request(id));
         it.desk.on_status(it.wall, xbee, it.says(id, telecommand_stage::acknowledged));
     }
     CHECK_FALSE(it.desk.find(7));
     CHECK(it.desk.find(8));
-    it.begin(it.request(21));
-    it.begin(it.request(22));
-    CHECK(it.desk.prepare(it.now, it.wall, it.request(23), 1, "ana", 0, me).error().code() == ise::errc::overloaded);
+    it.begin(request(21));
+    it.begin(request(22));
+    CHECK(it.desk.prepare(it.now, it.wall, request(23), 1, "ana", 0, me).error().code() == ise::errc::overloaded);
     CHECK(it.desk.open().size() == 2);
     auto chosen = it.desk.find(21)->status;
-    CHECK(chosen.command->kind() == command_kind::tack_now);
+    CHECK(chosen.command->kind() == command_kind::reboot);
+}
+
+TEST_CASE("router: pings of anybody leave room for the holder of the authority, and for the node's announcement") {
+    desk_options small;
+    small.max_open = 4;
+    table it(small);
+    auto request = [](std::uint32_t id, boat_command command) {
+        telecommand_request made;
+        made.id = id;
+        made.command = command;
+        return made;
+    };
+    auto ask = [&](std::uint32_t id, boat_command command, const std::string& who) {
+        return it.desk.prepare(it.now, it.wall, request(id, command), 1, who, 4, me);
+    };
+    for (std::uint32_t id = 1; id <= 2; ++id) it.begin(request(id, commands::ping()));
+    auto no = ask(3, commands::ping(), "eve");
+    REQUIRE_FALSE(no);
+    CHECK(no.error().code() == ise::errc::overloaded);
+    CHECK_THAT(no.error().message(), Contains("2 telecommands that need no authority"));
+    CHECK(ask(4, commands::ping(), me));
+    it.begin(request(5, commands::waypoint_delete{0}));
+    it.begin(request(6, commands::waypoint_delete{1}));
+    CHECK_FALSE(ask(7, commands::waypoint_delete{2}, "ana"));
+    CHECK(ask(8, commands::set_mode{sailing_mode::station_keep}, "ana"));
+}
+
+TEST_CASE("router: a newer order of a kind takes the place of the older one, wherever that waits") {
+    table it;
+    auto mode = [](std::uint32_t id, sailing_mode to) {
+        auto made = table::request(id);
+        made.command = commands::set_mode{to};
+        return made;
+    };
+    it.begin(mode(1, sailing_mode::return_home)); // no link has it yet
+    it.begin(mode(2, sailing_mode::hold));
+    CHECK(it.status(1).state == telecommand_stage::failed);
+    CHECK(it.status(1).text == "called back before it was sent (replaced by telecommand 2)");
+    it.there(xbee);
+    REQUIRE(it.give()->id == 2);
+    it.desk.on_status(it.wall, xbee, it.says(2, telecommand_stage::sent));
+    CHECK(it.begin(mode(3, sailing_mode::station_keep)).replaces == std::vector<std::uint32_t>{2});
+    auto recalls = it.desk.take_recalls();
+    REQUIRE(recalls.size() == 1);
+    CHECK(recalls[0].id == 2);
+    CHECK(recalls[0].link == xbee);
+    REQUIRE(it.give()->id == 3);
+    it.desk.on_status(it.wall, xbee, it.says(2, telecommand_stage::expired));
+    CHECK(it.status(2).state == telecommand_stage::expired);
+    CHECK_THAT(it.status(2).text, Contains("replaced by telecommand 3") && Contains("may have been executed"));
+    auto parts = table::request(4);
+    parts.command = commands::mission_stage{0, {28.1, -15.4}};
+    it.begin(parts);
+    parts.id = 5;
+    parts.command = commands::mission_stage{1, {28.2, -15.4}};
+    CHECK(it.begin(parts).replaces.empty());
+    CHECK(it.desk.open_count() == 3);
+}
+
+TEST_CASE("router: an order at the other node is replaced too, and stays so when that node is silent") {
+    table it, other;
+    const std::string two = "shore/two";
+    auto mode = [](std::uint32_t id, sailing_mode to) {
+        auto made = table::request(id);
+        made.command = commands::set_mode{to};
+        return made;
+    };
+    it.there(xbee);
+    other.there(xbee);
+    auto older = it.begin(mode(1, sailing_mode::return_home));
+    REQUIRE(it.give()->link == xbee);
+    older = it.desk.take_changes().back();
+    REQUIRE(other.desk.know(other.now, other.wall, older, two));
+    // The operator goes on at the other node.
+    auto newer = other.desk.prepare(other.now, other.wall, mode(2, sailing_mode::hold), 1, "ana", 4, two).value();
+    REQUIRE(other.desk.know(other.now, other.wall, newer, two));
+    CHECK(other.desk.is_called_back(1));
+    SECTION("the first learns of it, and calls it back") {
+        REQUIRE(it.desk.know(it.now, it.wall, newer, me));
+        CHECK(it.desk.is_called_back(1));
+        CHECK(it.desk.take_recalls().size() == 1);
+    }
+    SECTION("the first dies, and the other one calls it back from the link that may have it") {
+        it.desk.on_status(it.wall, xbee, it.says(1, telecommand_stage::sent));
+        other.desk.know(other.now, other.wall, it.desk.take_changes().back(), two); // told before it knew
+        CHECK(other.desk.is_called_back(1));
+        other.desk.take_over(other.now, other.wall, two);
+        std::set<std::uint32_t> given;
+        while (auto next = other.give()) {
+            CHECK(next->only_recall == (next->id == 1));
+            given.insert(next->id);
+        }
+        CHECK(given == std::set<std::uint32_t>{1, 2});
+    }
+}
+
+TEST_CASE("router: the chosen link's word that it cannot be sent is the end of it") {
+    table it;
+    it.there(xbee);
+    auto asked = it.request(6);
+    asked.via = xbee;
+    it.begin(asked);
+    REQUIRE(it.give());
+    it.desk.on_status(it.wall, xbee, it.says(6, telecommand_stage::failed, "it does not fit a frame"));
+    CHECK(it.status(6).state == telecommand_stage::failed);
+    CHECK_THAT(it.status(6).text, Contains("it does not fit a frame"));
+}
+
+TEST_CASE("router: of a telecommand that a link had when it fell silent nobody says that it was not sent") {
+    table it;
+    it.there(xbee);
+    it.begin(it.request(5, 60));
+    REQUIRE(it.give());
+    it.desk.on_given(5, xbee); // its proxy was asked, and did not answer
+    SECTION("the proxy says nothing more") {
+        it.pass(60s);
+        it.desk.on_time(it.now, it.wall);
+        CHECK_THAT(it.status(5).text, Contains("xbee did not tell") && Contains("may have been executed"));
+    }
+    SECTION("the proxy says that its time was over") {
+        it.desk.on_status(it.wall, xbee, it.says(5, telecommand_stage::expired));
+        it.pass(60s);
+        it.desk.on_time(it.now, it.wall);
+        CHECK_THAT(it.status(5).text, Contains("before it could be sent"));
+    }
+    SECTION("the node is started anew meanwhile") {
+        auto kept = it.desk.take_changes().back();
+        table after;
+        after.desk.know(it.now, it.wall, kept, me);
+        after.desk.on_time(it.now + 60s, it.wall + 60s);
+        CHECK_THAT(after.status(5).text, Contains("may have been executed"));
+    }
+    CHECK(it.status(5).state ==
+          (it.now > ise::time_point(1h) ? telecommand_stage::expired : telecommand_stage::queued));
 }
 
 TEST_CASE("peer watch: packets are shown when both disks have them, or the other node is silent") {
