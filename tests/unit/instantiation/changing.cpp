@@ -7,6 +7,9 @@
 #include <ise/instantiation/instantiation_server.hpp>
 #include <ise/instantiation/services.hpp>
 
+#include <pwd.h>
+#include <unistd.h>
+
 namespace changing_test {
 
 using namespace instantiation_test;
@@ -50,7 +53,8 @@ ise::component_type wind_type(const std::shared_ptr<wind_options>& options) {
 /// A host "shore" whose program has the type "wind".
 class harbour {
 public:
-    harbour() : system(true, 1), host(system.world, "shore") {
+    explicit harbour(launch_rules first = launch_rules())
+        : system(true, 1), host(system.world, "shore"), rules(std::move(first)) {
         auto& program = host.installed["winds"];
         std::vector<ise::component_type> types;
         types.push_back(wind_type(std::make_shared<wind_options>()));
@@ -549,25 +553,29 @@ TEST_CASE("what is stopped while its launch waits for its name stays stopped") {
 }
 
 TEST_CASE("an instance that was taken over is not started again as what the rules do not allow any more") {
-    harbour in;
-    in.server->crash();
-    in.rules.identities_folder = "/identities";
-    in.open();
+    const auto* found = ::getpwuid(::geteuid());
+    REQUIRE(found);
+    const std::string user = found->pw_name;
+    launch_rules wide;
+    wide.users = {user};
+    wide.as_root = true; // the test may be root
+    harbour in(wide);
     auto what = in.wanted({{"speed", "8"}});
-    what.identity = "xbee";
+    what.user = user;
     REQUIRE(in.call(host_services::start, what).value().outcome == start_outcome::ready);
     in.server->crash();
-    in.rules.identities_folder.clear();
+    in.system.world.run_for(10s);
+    in.rules = launch_rules();
     in.open();
     auto again = in.call(host_services::restart, restart_request{"sea/wind"}).value();
     CHECK(again.outcome == start_outcome::bad_argument);
-    CHECK_THAT(again.why, Contains("--identities"));
+    CHECK_THAT(again.why, Contains("'" + user + "'"));
     CHECK(in.instances().front().state == instance_state::ready); // it runs on
     in.host.end(in.host.at("sea/wind"), {true, true, 9});
     in.system.world.run_for(10min);
     CHECK(in.host.launches.size() == 1);
     CHECK(in.instances().front().state == instance_state::failed);
-    CHECK_THAT(in.instances().front().reason, Contains("has no certificates for the identity 'xbee'"));
+    CHECK_THAT(in.instances().front().reason, Contains("'" + user + "'"));
 }
 
 } // namespace changing_test
