@@ -211,6 +211,8 @@ void call_worker::be_idle() {
             return;
         } catch (const error& thrown) {
             next.from->refuse(next.call.id, thrown.why());
+        } catch (const std::exception& thrown) {
+            next.from->refuse(next.call.id, failure(errc::handler_failed, thrown.what(), execution::unknown));
         }
     }
 }

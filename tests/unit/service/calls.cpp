@@ -4,7 +4,13 @@
 #include <support/catch.hpp>
 #include <support/sim_parties.hpp>
 
+#include <asio/detached.hpp>
+
+#include <new>
+#include <optional>
 #include <stdexcept>
+#include <string>
+#include <utility>
 
 namespace calls_test {
 
@@ -34,6 +40,23 @@ struct ise::opaque_type<calls_test::writing> {
 namespace calls_test {
 namespace {
 constexpr ise::request_response<boat_services::set_mode, page> scribe{"scribe"};
+
+// The next one is not made.
+struct brittle {
+    static inline bool breaks = false;
+    int number = 0;
+    brittle() {
+        if (std::exchange(breaks, false)) throw std::bad_alloc();
+    }
+    template <class Archive>
+    void serialize(Archive& archive) {
+        archive(number);
+    }
+};
+struct received {
+    int number = 0;
+};
+constexpr ise::request_response<brittle, received> porcelain{"porcelain"};
 } // namespace
 
 using namespace boat_services;
@@ -270,6 +293,34 @@ TEST_CASE("a call is overloaded beyond what may wait, and those that wait are se
     at.all.run_until([&] { return calls[2]->done; });
     CHECK((calls[0]->get() && calls[1]->get() && calls[2]->get()));
     CHECK(at.book.modes == std::vector<std::string>{"hold", "wait 1", "wait 2", "wait 3"});
+}
+
+TEST_CASE("a request that cannot be made out once its turn has come is refused, and the handler serves the next") {
+    fixture at;
+    ise::serve_options one;
+    one.concurrent = 1;
+    auto handle = [&](brittle came) -> ise::task<received> {
+        co_await ise::sleep_for(at.boat.on, 1s);
+        received answer{came.number};
+        co_return answer;
+    };
+    at.boat.provide(porcelain, handle, one);
+    auto send = [](ise::remote to, int number) -> ise::task<ise::result<received>> {
+        brittle request;
+        request.number = number;
+        auto answer = co_await to.try_call(porcelain, request, 5s);
+        co_return answer;
+    };
+    auto first = start(at.shore.on, send(at.there, 1));
+    auto second = start(at.shore.on, send(at.there, 2));
+    at.all.world.run_for(500ms);
+    brittle::breaks = true;
+    at.all.run_until([&] { return first->done && second->done; });
+    CHECK_FALSE(brittle::breaks);
+    CHECK(first->get());
+    REQUIRE_FALSE(second->get());
+    CHECK(second->get().error().code() == errc::handler_failed);
+    CHECK(at.all.run(at.shore, send(at.there, 3)));
 }
 
 TEST_CASE("a request that is given up while it waits for an exclusive service never runs") {
