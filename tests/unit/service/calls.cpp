@@ -531,6 +531,40 @@ TEST_CASE("a nested call has the smaller deadline of the two and the same trace"
     CHECK(all.run(shore, try_helm(shore.at("tcp://proxy:7400"), "hold", 3s)));
 }
 
+TEST_CASE("what goes on at a handler's executor after its answer has neither its caller nor its deadline") {
+    fixture at;
+    auto& third = at.all.add("third");
+    third.provide(helm, [&](set_mode) -> ise::task<mode_set> {
+        co_await ise::sleep_for(third.on, 30s);
+        mode_set answer;
+        co_return answer;
+    });
+    third.listen("tcp://0.0.0.0:7500");
+    std::optional<outcome> errand;
+    auto run_errand = [](ise::loop& on, ise::remote to, std::optional<outcome>& into) -> ise::task<> {
+        co_await ise::sleep_for(on, 1min);
+        auto got = co_await try_helm(to, "hold", 60s);
+        into.emplace(std::move(got));
+    };
+    at.boat.provide(echo, [&, far = at.boat.at("tcp://third:7500")](blob given) -> ise::task<blob> {
+        asio::any_io_executor here = co_await ise::this_task::executor;
+        auto begun = run_errand(at.boat.on, far, errand);
+        ise::async_run(here, std::move(begun), asio::detached);
+        co_return given;
+    });
+    CHECK(at.all.run(at.shore, try_echo(at.there, 8, 2s)));
+    at.there = {};
+    REQUIRE(at.all.run_until([&] { return at.boat.services->sessions().empty(); }));
+    std::optional<std::string> caller;
+    at.all.run_until([&] {
+        at.boat.services->calls().each_awaited([&](const ise::pending_call& call) { caller = call.made_in->caller; });
+        return caller || errand;
+    });
+    CHECK(caller == "");
+    at.all.run_until([&] { return errand.has_value(); });
+    CHECK(*errand);
+}
+
 TEST_CASE("a handler calls its caller back over the same session, without deadlock") {
     sim_parties all;
     auto& boat = all.add("boat");
