@@ -798,6 +798,16 @@ TEST_CASE("a callback gets the outcome too") {
     CHECK(got->value().reason == "hold");
 }
 
+TEST_CASE("a link that nobody uses any more is forgotten when others follow, one that is used stays the same") {
+    fixture at;
+    auto& services = *at.shore.services;
+    for (int port = 1; port != 10'000; ++port)
+        services.link_to(ise::endpoint::parse("tcp://boat:" + std::to_string(port)).value());
+    CHECK(services.known_links() < 100);
+    CHECK(services.link_to(ise::endpoint::parse("tcp://boat:7400").value()).get() == &at.there.way());
+    CHECK(at.call("hold"));
+}
+
 TEST_CASE("a remote may be dropped while its calls are on their way, and the last one lets the session go") {
     fixture at;
     std::vector<outcome> got;
