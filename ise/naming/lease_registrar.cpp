@@ -283,7 +283,7 @@ void lease_registrar::take(naming::grant answer) {
     if (name.enrolling) {
         name.answered.resume();
     } else if (on_change) {
-        on_change(name.who.path, valid);
+        on_change(name.who, valid);
     }
 }
 
@@ -299,7 +299,7 @@ void lease_registrar::give_up(const std::string& path, failure why) {
     auto lost = take_out(path);
     leave(path, lost->who.incarnation); // so that the server does not tell of it again
     wake();
-    if (on_change) on_change(path, std::move(why));
+    if (on_change) on_change(lost->who, std::move(why));
 }
 
 task<bool> lease_registrar::renew() {
