@@ -300,12 +300,13 @@ void publication_core::vanish(remote_subscriber& who) {
     drop(who);
 }
 
-// The user's callback comes when nothing of the subscriber is left.
+// The user's callback comes when nothing of the subscriber is left, and may withdraw the service.
 void publication_core::drop(remote_subscriber& who) {
     auto info = take_out(who);
     if (!removed) return;
     try {
         removed({}, nullptr, info);
+    auto held = shared_from_this();
     } catch (const std::exception& thrown) {
         runtime().tell(peer_trouble::callback, fmt::format("'{}': {}", name(), thrown.what()), info.peer);
     }
