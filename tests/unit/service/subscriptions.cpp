@@ -218,6 +218,31 @@ TEST_CASE("a provider may withdraw its service in the callback in which a subscr
     CHECK_FALSE(services.find_publication("watched"));
 }
 
+TEST_CASE("a subscriber whose acceptance withdraws the service is refused, and its provider hears that it left") {
+    fixture at;
+    int left = 0;
+    ise::publication_callbacks<ise::subscription<fix, area, granted>> callbacks;
+    callbacks.on_subscribe = [&](const area&, const ise::subscriber_info&) -> ise::result<granted> {
+        at.boat.services->services().remove("watched");
+        return granted{1};
+    };
+    callbacks.on_unsubscribe = [&](const auto&, const ise::subscriber_info&) {
+        ++left;
+        return ise::nothing{};
+    };
+    auto out = at.boat.publish(watched, std::move(callbacks));
+    auto subscribe = [](ise::remote from) -> ise::task<int> {
+        area wanted{"bay"};
+        auto stream = co_await from.subscribe(watched, wanted, ise::subscribe_options());
+        co_return stream.response().number;
+    };
+    auto subscribing = start(at.shore.on, subscribe(at.there));
+    at.all.run_until([&] { return subscribing->done; });
+    CHECK(subscribing->code() == errc::no_such_service);
+    CHECK(out.subscribers() == 0);
+    CHECK(left == 1);
+}
+
 TEST_CASE("a subscription to what is not there, or is another kind of service, is refused") {
     fixture at;
     at.boat.provide(helm, [](set_mode) { return mode_set{}; });
