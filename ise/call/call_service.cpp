@@ -187,6 +187,7 @@ void call_worker::be_idle() {
     auto& of = service_;
     deadline_.disarm();
     if (began_ != time_point::max()) of.meter_.handled(runtime_.env().now() - std::exchange(began_, time_point::max()));
+    context_ = call_context(); // what goes on at this executor has no part in the call
     from_.reset();
     busy_ = false;
     if (of.stopped_ || runtime_.scope().stopping()) {
@@ -211,6 +212,8 @@ void call_worker::be_idle() {
             return;
         } catch (const error& thrown) {
             next.from->refuse(next.call.id, thrown.why());
+        } catch (const std::exception& thrown) {
+            next.from->refuse(next.call.id, failure(errc::handler_failed, thrown.what(), execution::unknown));
         }
     }
 }

@@ -51,6 +51,7 @@ task<> component_runner::restart() {
         stop();
         co_return;
     }
+    if (stop_asked_) co_return;
     services_->pause(failure(errc::peer_lost, fmt::format("'{}' restarts after a failure", path_)), grace_ / 2);
     // Subscribers shall not hear that the services have ended, which they have not.
     co_await services_->peers().ended(saturating_add(on().now(), grace_ / 2));

@@ -26,8 +26,9 @@ void node_state::start_names() {
     services = std::make_unique<service_host>(env, loop(), *scope, std::move(self), options.services, log, credentials);
     services->follow_access();
     kept_names = std::make_unique<lease_registrar>(*services, options.name_servers, options.lease);
-    kept_names->on_change = [this](const std::string& path, result<std::uint64_t> epoch) {
-        if (auto runner = find(path)) runner->on_name_change(std::move(epoch));
+    kept_names->on_change = [this](const registration& of, result<std::uint64_t> epoch) {
+        auto runner = find(of.path);
+        if (runner && runner->services().self().incarnation == of.incarnation) runner->on_name_change(std::move(epoch));
     };
 }
 

@@ -51,8 +51,7 @@ private:
     asio::executor_work_guard<asio::any_io_executor> work_;
 };
 
-task_scope::task_scope(loop& owner, failure_handler on_failure)
-    : loop_(owner), on_failure_(std::move(on_failure)), empty_(owner) {}
+task_scope::task_scope(loop& owner, failure_handler on_failure) : loop_(owner), on_failure_(std::move(on_failure)) {}
 
 // A coroutine that is left is destroyed with what it waits for.
 task_scope::~task_scope() {
@@ -69,7 +68,8 @@ void task_scope::member::leave() noexcept {
         of->members_[place_] = std::move(last);
     }
     of->members_.pop_back();
-    if (of->members_.empty() && !of->loop_.abandoned()) of->empty_.resume();
+    if (!of->members_.empty() || of->loop_.abandoned()) return;
+    for (auto* waiting : of->joining_) waiting->resume();
 }
 
 bool task_scope::add(std::shared_ptr<member> what) {
@@ -108,15 +108,19 @@ void task_scope::stop() {
         if (place < members_.size()) members_[place]->cancel();
 }
 
-task<> task_scope::join() {
-    if (size() == 0) co_return;
-    co_await empty_.wait();
-}
+task<> task_scope::join() { co_await join_until(time_point::max()); }
 
 task<bool> task_scope::join_until(time_point at) {
-    timer alarm(loop_, [this] { empty_.resume(); });
+    waiter<> left(loop_);
+    struct listed {
+        std::vector<waiter<>*>& all;
+        waiter<>* who;
+        ~listed() { std::erase(all, who); }
+    } among{joining_, &left};
+    joining_.push_back(&left);
+    timer alarm(loop_, [&left] { left.resume(); });
     alarm.arm(at);
-    while (size() > 0 && loop_.now() < at) co_await empty_.wait();
+    while (size() > 0 && loop_.now() < at) co_await left.wait();
     co_return size() == 0;
 }
 

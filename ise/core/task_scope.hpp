@@ -60,7 +60,7 @@ public:
     void stop();
     bool stopping() const noexcept { return stopping_; }
 
-    /// Completes when no child is left. One coroutine at a time. Cancellation: terminal, ends only the wait.
+    /// Completes when no child is left. Cancellation: terminal, ends only the wait.
     task<> join();
     /// The same until `at`; false if children are still running then. Cancellation: as `join`.
     task<bool> join_until(time_point at);
@@ -77,7 +77,7 @@ private:
     loop& loop_;
     failure_handler on_failure_;
     std::vector<std::shared_ptr<member>> members_; // a coroutine belongs to what it waits for, and is not owned here
-    waiter<> empty_;
+    std::vector<waiter<>*> joining_;
     bool stopping_ = false;
 };
 

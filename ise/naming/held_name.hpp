@@ -41,8 +41,7 @@ struct held_name {
     std::optional<naming::holder> other; ///< who was found to hold it first…
     std::uint64_t other_at = 0;          ///< …at that server (its incarnation)
     std::string obstacle;                ///< why it was not granted yet
-    bool enrolling = false;              ///< somebody waits for the answer
-    std::optional<failure> refused;      ///< the answer, until they have it
+    std::optional<failure> refused;      ///< the answer, until who waits for it has it
     waiter<> answered;
 };
 

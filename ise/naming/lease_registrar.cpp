@@ -47,7 +47,6 @@ task<result<std::uint64_t>> lease_registrar::enroll(registration who, duration d
     forget_departure(path); // the same node's next life replaces the last one
     take_out(path);
     auto* mine = holdings_.emplace(path, std::make_unique<held_name>(on, std::move(who))).first->second.get();
-    mine->enrolling = true;
     line_up(*mine);
     wake();
 
@@ -62,7 +61,6 @@ task<result<std::uint64_t>> lease_registrar::enroll(registration who, duration d
             co_return failure(errc::cancelled, fmt::format("'{}' was withdrawn before it was granted", path));
         }
     }
-    mine->enrolling = false;
     if (mine->epoch != 0) co_return mine->epoch;
     if (mine->refused) {
         auto why = *mine->refused;
@@ -274,23 +272,23 @@ void lease_registrar::take(naming::grant answer) {
     line_up(name);
     if (answer.what == verdict::granted && !answer.reason.empty())
         host_.log().warning("the name server has an objection", {{"component", answer.path}, {"cause", answer.reason}});
-    if (answer.what == verdict::wait && !waited && !name.enrolling)
+    if (answer.what == verdict::wait && !waited && !name.answered.waiting())
         host_.log().warning("the name server does not register this component yet, trying on",
                             {{"component", answer.path}, {"cause", answer.reason}});
     // What the server knows nothing of under this lease may go to another meanwhile.
     auto valid = name.registered == 0 ? 0 : name.epoch;
     if (std::exchange(name.shown, valid) == valid) return;
-    if (name.enrolling) {
+    if (name.answered.waiting()) {
         name.answered.resume();
     } else if (on_change) {
-        on_change(name.who.path, valid);
+        on_change(name.who, valid);
     }
 }
 
 // A name that was denied, or lost: whoever waits for it hears of it, else the node.
 void lease_registrar::give_up(const std::string& path, failure why) {
     auto& name = *holdings_.at(path);
-    if (name.enrolling) {
+    if (name.answered.waiting()) {
         name.refused = std::move(why);
         line_up(name);
         name.answered.resume(); // which removes it
@@ -299,7 +297,7 @@ void lease_registrar::give_up(const std::string& path, failure why) {
     auto lost = take_out(path);
     leave(path, lost->who.incarnation); // so that the server does not tell of it again
     wake();
-    if (on_change) on_change(path, std::move(why));
+    if (on_change) on_change(lost->who, std::move(why));
 }
 
 task<bool> lease_registrar::renew() {

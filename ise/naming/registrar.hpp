@@ -49,8 +49,8 @@ public:
     virtual bool confirmed() const noexcept = 0;
 
     /// Tells when a name was granted later than `enroll` waited, or again (epoch), has to wait until it is granted
-    /// again (0), or was lost to another holder (failure).
-    std::function<void(const std::string& path, result<std::uint64_t> epoch)> on_change;
+    /// again (0), or was lost to another holder (failure). The path may be another life's by now.
+    std::function<void(const registration& of, result<std::uint64_t> epoch)> on_change;
 };
 
 } // namespace ise

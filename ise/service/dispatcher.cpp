@@ -42,15 +42,11 @@ result<void> dispatcher::add(std::shared_ptr<publication_core> publication) {
     return good;
 }
 
+// Ending a subscription calls the user back, who may remove services, too.
 void dispatcher::remove(const std::string& name) {
-    if (auto found = calls_.find(name); found != calls_.end()) {
-        found->second->stop();
-        calls_.erase(found);
-    }
-    if (auto found = publications_.find(name); found != publications_.end()) {
-        found->second->stop(failure(errc::no_such_service, fmt::format("'{}' is not published any more", name)));
-        publications_.erase(found);
-    }
+    if (auto removed = calls_.extract(name)) removed.mapped()->stop();
+    if (auto removed = publications_.extract(name))
+        removed.mapped()->stop(failure(errc::no_such_service, fmt::format("'{}' is not published any more", name)));
 }
 
 void dispatcher::declare_required(const std::string& name, const packet_types& types) {
@@ -92,7 +88,8 @@ std::vector<service_description> dispatcher::describe() const {
 void dispatcher::stop() {
     for (auto& [name, service] : calls_) service->stop();
     // Subscribers are not told that a service has ended, which it has not: they wait for its next provider.
-    for (auto& [name, publication] : publications_) publication->let_go();
+    auto all = publications_; // as above
+    for (auto& [name, publication] : all) publication->let_go();
 }
 
 } // namespace ise

@@ -12,6 +12,11 @@
 #include <vector>
 
 namespace ise {
+namespace {
+
+constexpr std::size_t few_links = 16;
+
+} // namespace
 
 service_host::service_host(environment& env, loop& on, task_scope& scope, wire::identity self, service_options options,
                            logger log, security credentials)
@@ -67,16 +72,25 @@ void service_host::serve_as(std::vector<std::string> roles) {
 
 service_host::~service_host() { links_share_.names.reset(); }
 
+// An entry keeps the memory of its link also once that has gone: they are removed when there are twice as many.
+std::weak_ptr<peer_channel>& service_host::known_link(const std::string& key) {
+    if (links_.size() >= sweep_links_at_) {
+        std::erase_if(links_, [](const auto& entry) { return entry.second.expired(); });
+        sweep_links_at_ = 2 * links_.size() + few_links;
+    }
+    return links_[key];
+}
+
 std::shared_ptr<peer_channel> service_host::link_to(const std::string& path, role_options how) {
     // No path has a blank.
-    auto& known = links_[how.failback ? fmt::format("{} {}", path, how.failback_delay.count()) : path + " stay"];
+    auto& known = known_link(how.failback ? fmt::format("{} {}", path, how.failback_delay.count()) : path + " stay");
     auto held = known.lock();
     if (!held) known = held = std::make_shared<peer_channel>(links_share_, path, std::vector<endpoint>(), how);
     return held;
 }
 
 std::shared_ptr<peer_channel> service_host::link_to(const std::vector<endpoint>& any_of, const std::string& path) {
-    auto& known = links_[fmt::format("{} {}", text_of(any_of), path)];
+    auto& known = known_link(fmt::format("{} {}", text_of(any_of), path));
     auto held = known.lock();
     if (!held) known = held = std::make_shared<peer_channel>(links_share_, path, any_of);
     return held;

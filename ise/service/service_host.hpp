@@ -50,6 +50,8 @@ public:
     std::shared_ptr<peer_channel> link_to(const std::vector<endpoint>& any_of, const std::string& path);
     /// Back to the peer of a session that it made.
     std::shared_ptr<peer_channel> link_back(const std::shared_ptr<session>& over);
+    /// How many links it keeps track of; about half of them may have gone.
+    std::size_t known_links() const noexcept { return links_.size(); }
     ise::resolver* resolver() const noexcept { return links_share_.names.get(); }
     void use_resolver(std::shared_ptr<ise::resolver> names) { links_share_.names = std::move(names); }
 
@@ -74,6 +76,7 @@ public:
     void serve_as(std::vector<std::string> roles);
 
 private:
+    std::weak_ptr<peer_channel>& known_link(const std::string& key);
     void watch_access();
     void follow_policy();
 
@@ -86,7 +89,8 @@ private:
     dispatcher dispatcher_;
     ise::reply_windows reply_windows_;
     std::map<std::string, std::weak_ptr<peer_channel>> links_;
-    session_acceptor acceptor_; // before the sessions, which hold places of it
+    std::size_t sweep_links_at_ = 0; // so many of them
+    session_acceptor acceptor_;      // before the sessions, which hold places of it
     peer_sessions peers_;
     std::unique_ptr<timer> access_watch_; // where there is a policy or a certificate
     std::uint64_t access_seen_ = 0;       // which of its versions

@@ -105,7 +105,8 @@ void incoming_subscriptions::admit(std::uint64_t id, wire::subscribe terms, cons
                                    bool takes_objects) {
     auto& made = by_id_.at(id);
     made.comparing.reset();
-    auto& publication = *made.publication;
+    auto held = made.publication;
+    auto& publication = *held;
     const auto& ours = publication.types();
     std::unique_ptr<adapter> request;
     if (theirs) {
@@ -140,21 +141,25 @@ void incoming_subscriptions::admit(std::uint64_t id, wire::subscribe terms, cons
     } catch (const std::exception& thrown) {
         who = failure(errc::handler_failed, thrown.what());
     }
+    auto found = by_id_.find(id);
+    if (found == by_id_.end()) { // what the user's callback did has ended it
+        if (who) publication.end(**who, failure(errc::cancelled, {}));
+        return;
+    }
     if (!who) {
         end(id, who.error(), lost);
         return;
     }
     const auto body = encode(answer);
-    if (auto wrong =
-            over().too_large(fmt::format("the answer to a subscription to '{}'", publication.name()), body.size())) {
-        const auto kept = made.publication;
-        kept->end(**who, *wrong); // the user's callback has accepted it, and is called back
+    const auto what = fmt::format("the answer to a subscription to '{}'", publication.name());
+    if (auto wrong = over().too_large(what, body.size())) {
+        publication.end(**who, *wrong); // the user's callback has accepted it, and is called back
         end(id, *wrong, 0);
         return;
     }
-    made.who = *who;
+    found->second.who = *who;
     over().send(frame_type::subscribed, 0, id, [&](buffer& out) { out.append(bytes_view(body)); });
-    made.who->attach(*this, id); // behind the answer
+    (*who)->attach(*this, id); // behind the answer
 }
 
 void incoming_subscriptions::end(std::uint64_t id, const failure& why, std::uint64_t lost) {

@@ -281,6 +281,10 @@ result<remote_subscriber*> publication_core::subscribe(subscriber_line& from, co
         response = std::move(*decided);
     }
     auto& who = all_.emplace_back(*this, terms, std::move(info), takes_objects);
+    if (stopped_) { // by that decision
+        drop(who);
+        return *stopped_;
+    }
     answer.ticket = who.ticket();
     answer.response.assign(reinterpret_cast<const std::uint8_t*>(response.data()),
                            reinterpret_cast<const std::uint8_t*>(response.data()) + response.size());
@@ -305,8 +309,9 @@ void publication_core::vanish(remote_subscriber& who) {
     drop(who);
 }
 
-// The user's callback comes when nothing of the subscriber is left.
+// The user's callback comes when nothing of the subscriber is left, and may withdraw the service.
 void publication_core::drop(remote_subscriber& who) {
+    auto held = shared_from_this();
     auto info = take_out(who);
     if (!removed) return;
     try {

@@ -29,7 +29,7 @@ struct subscribed;
 /// One provided subscription service, without its types: numbers packets, keeps the last one, and gives each
 /// subscriber what its policy says. A packet is encoded once, however many subscribe, and never where all of them are
 /// in this process and know its type: they share it as it is.
-class publication_core final : public subscriber_group {
+class publication_core final : public subscriber_group, public std::enable_shared_from_this<publication_core> {
 public:
     publication_core(service_runtime& runtime, std::string name, const packet_types& types);
     ~publication_core();

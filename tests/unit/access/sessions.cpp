@@ -205,6 +205,39 @@ TEST_CASE("access: a subscription that no rule allows is refused, others know wh
     CHECK(at.who_subscribed == "ise://atirma/web");
 }
 
+TEST_CASE("access: a subscriber that its own acceptance denies is refused, and its provider hears that it left") {
+    sea at;
+    at.begin(R"(version = 1
+[[allow]]
+who = "ise://atirma/web"
+name = "shore"
+subscribe = "boat:pictures"
+[[deny]]
+who = "**"
+subscribe = "flagship:*"
+)");
+    int left = 0;
+    ise::publication_callbacks<std::remove_const_t<decltype(pictures)>> callbacks;
+    callbacks.on_subscribe = [&](const auto&, const ise::subscriber_info&) -> ise::result<ise::nothing> {
+        at.boat->services->serve_as({"flagship"});
+        return ise::nothing();
+    };
+    callbacks.on_unsubscribe = [&](const auto&, const ise::subscriber_info&) {
+        ++left;
+        return ise::nothing();
+    };
+    auto shown = at.boat->publish(pictures, std::move(callbacks));
+    auto subscribe = [](ise::remote to) -> ise::task<int> {
+        auto packets = co_await to.subscribe(pictures);
+        co_return 0;
+    };
+    auto subscribing = start(at.shore->on, subscribe(at.there));
+    REQUIRE(at.world.run_until([&] { return subscribing->done; }, 1min));
+    CHECK(subscribing->code() == errc::access_denied);
+    CHECK(shown.subscribers() == 0);
+    CHECK(left == 1);
+}
+
 TEST_CASE("access: nobody has a path that his identity may not have, in either direction") {
     sea at;
     std::string policy = sea::open;

@@ -223,4 +223,43 @@ TEST_CASE("a component whose last flow does not end cannot be restarted and says
     CHECK(all.report("boat", "boat").still_running == std::vector<std::string>{"the mule"});
 }
 
+TEST_CASE("a component that is stopped while its restart waits for its last flow drops nobody else's coroutines") {
+    census frames;
+    fleet all;
+    all.node("boat").start(
+        "boat",
+        [](component& self) -> task<> {
+            auto mule = [](component& whose) -> task<> {
+                co_await ise::this_task::ignore_cancellation;
+                co_await whose.sleep(1500ms);
+            };
+            self.spawn("the mule", mule(self));
+            co_await self.sleep(1s);
+            throw std::runtime_error("aground");
+        },
+        with_policy(all, ise::on_failure::restart));
+    auto beside = all.listening("boat", 7001);
+    beside.together_with = "boat";
+    all.node("boat").start(
+        "mate",
+        [&](component& self) -> task<> {
+            auto stubborn = [](component& whose, census& among) -> task<> {
+                census::citizen alive(among);
+                ise::waiter<> never(whose.on(), ise::uninterrupted);
+                co_await never.wait();
+            };
+            self.spawn("stubborn", stubborn(self, frames));
+            co_await self.sleep(24h);
+        },
+        beside);
+    all.world.run_for(1200ms);
+    all.node("boat").stop("boat");
+    REQUIRE(all.world.run_until([&] { return all.state("boat", "boat") == component_state::failed; }, 1min));
+    CHECK(all.report("boat", "boat").still_running.empty());
+    CHECK(all.report("boat", "boat").restarts == 0);
+    CHECK(frames.alive == 1);
+    all.drop("boat");
+    CHECK(frames.alive == 0);
+}
+
 } // namespace failures_test

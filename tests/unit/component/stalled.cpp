@@ -2,12 +2,14 @@
 #include "sea.hpp"
 
 #include <ise/core/real/environment.hpp>
+#include <ise/naming/services.hpp>
 #include <ise/service/service_host.hpp>
 
 #include <asio/post.hpp>
 
 #include <support/local_sockets.hpp>
 
+#include <atomic>
 #include <condition_variable>
 #include <future>
 
@@ -15,6 +17,7 @@ namespace stalled_test {
 
 using namespace sea;
 using ise::component;
+namespace naming = ise::naming;
 
 namespace {
 
@@ -51,6 +54,62 @@ ise::node_options options_with(ise::log_sink sink) {
     made.log = std::move(sink);
     return made;
 }
+
+// Grants every name until one is taken over by another.
+class name_server final : public component {
+public:
+    name_server(std::atomic<bool>& taken, gate& given_up) : taken_(taken), given_up_(given_up) {}
+
+protected:
+    task<> run() override {
+        provide(naming::enroll, [](naming::register_request request) {
+            naming::register_response response;
+            response.server_incarnation = response.lease_number = 1;
+            response.lease = request.lease;
+            for (const auto& claim : request.components) {
+                naming::grant made;
+                made.path = claim.path;
+                made.epoch = 1;
+                response.grants.push_back(std::move(made));
+            }
+            return response;
+        });
+        provide(naming::renew, [this](naming::renew_request) {
+            naming::renew_response response;
+            response.known = true;
+            response.server_incarnation = response.lease_number = 1;
+            response.lease = lease;
+            if (taken_) {
+                naming::grant lost;
+                lost.path = "boat";
+                lost.what = naming::verdict::superseded;
+                response.lost.push_back(std::move(lost));
+            }
+            return response;
+        });
+        provide(naming::withdraw, [this](naming::withdraw_request) {
+            given_up_.open();
+            return naming::withdraw_response();
+        });
+        co_return;
+    }
+
+private:
+    std::atomic<bool>& taken_;
+    gate& given_up_;
+
+public:
+    static constexpr ise::duration lease = 300ms;
+};
+
+// Is not registered yet.
+class beginner final : public component {
+public:
+    beginner() { announce_when_ready(); }
+
+protected:
+    task<> run() override { co_await sleep(24h); }
+};
 
 } // namespace
 
@@ -231,6 +290,43 @@ TEST_CASE("offloading keeps the component's thread free") {
     computes.wait(free(computes));
     release.open();
     CHECK(done.get_future().get() == 7);
+}
+
+TEST_CASE("what becomes of the name of a component that was left behind is no concern of its next life") {
+    log_book log;
+    gate registered, left_behind, given_up, release;
+    std::atomic<bool> taken{false};
+    ise::real_environment env;
+    ise::node shore(env, options_with(log.sink()));
+    ise::component_options where;
+    where.listen = {ise::endpoint::parse("tcp://127.0.0.1:0").value()};
+    auto& names = shore.start<name_server>(std::string(naming::server_path), where, taken, given_up);
+
+    auto options = options_with(when_told("left behind", left_behind, log));
+    options.use_names = true;
+    options.name_servers = {names.services().listening().front()};
+    options.lease = name_server::lease;
+    options.grace = 1ms;
+    ise::node node(env, options);
+    node.start("boat", [&](component& self) -> task<> {
+        co_await self.ready();
+        registered.open();
+        release.pass();
+    });
+    registered.pass();
+    node.stop("boat");
+    left_behind.pass();
+    auto& next = node.start<beginner>("boat");
+    taken = true;
+    given_up.pass();
+    auto nothing = [](component& self) -> task<> { co_await self.sleep(1ms); };
+    next.wait(nothing(next));
+    CHECK_FALSE(log.has("another took this name over"));
+    release.open();
+    node.stop();
+    node.wait();
+    shore.stop();
+    shore.wait();
 }
 
 } // namespace stalled_test

@@ -1,9 +1,11 @@
 // A node with many names, and a name server that keeps a book of what it is asked.
 #include <ise/component/node.hpp>
+#include <ise/naming/lease_registrar.hpp>
 #include <ise/naming/services.hpp>
 #include <ise/sim/world.hpp>
 
 #include <support/catch.hpp>
+#include <support/party.hpp>
 
 #include <algorithm>
 #include <map>
@@ -255,6 +257,30 @@ TEST_CASE(
     it.kept.renewals = {it.kept.renewals.back()};
     it.world.run_for(20s);
     CHECK(it.kept.longest_gap() < lease);
+}
+
+TEST_CASE("registrar: a name that is granted after the wait for it was cancelled is told of all the same") {
+    registrar_test::system it({});
+    it.kept.not_yet["boat"] = 3s;
+    auto& process = it.world.host("boat").start_process("boat");
+    ise_test::party boat(process, process.make_loop("main"), "boat");
+    ise::lease_registrar names(*boat.services, {ise::endpoint::parse("tcp://ns:7400").value()}, lease);
+    std::vector<std::uint64_t> told;
+    names.on_change = [&](const auto&, ise::result<std::uint64_t> epoch) { told.push_back(epoch.value()); };
+    ise::registration made;
+    made.path = "boat";
+    made.incarnation = 1;
+    auto enrolling = ise_test::start(boat.on, names.enroll(made, 1min));
+    REQUIRE(it.world.run_until([&] { return it.kept.claims.size() == 1; }, 10s));
+    it.world.run_for(100ms);
+    enrolling->cancel.emit(asio::cancellation_type::terminal);
+    it.world.run_for(100ms);
+    CHECK(enrolling->code() == ise::errc::cancelled);
+    it.world.run_until([&] { return !told.empty(); }, 10s);
+    CHECK(told == std::vector<std::uint64_t>{1});
+    boat.services->stop(100ms);
+    boat.scope.stop();
+    REQUIRE(it.world.run_until([&] { return boat.scope.size() == 0; }, 10s));
 }
 
 } // namespace registrar_test

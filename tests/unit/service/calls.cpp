@@ -4,7 +4,13 @@
 #include <support/catch.hpp>
 #include <support/sim_parties.hpp>
 
+#include <asio/detached.hpp>
+
+#include <new>
+#include <optional>
 #include <stdexcept>
+#include <string>
+#include <utility>
 
 namespace calls_test {
 
@@ -34,6 +40,23 @@ struct ise::opaque_type<calls_test::writing> {
 namespace calls_test {
 namespace {
 constexpr ise::request_response<boat_services::set_mode, page> scribe{"scribe"};
+
+// The next one is not made.
+struct brittle {
+    static inline bool breaks = false;
+    int number = 0;
+    brittle() {
+        if (std::exchange(breaks, false)) throw std::bad_alloc();
+    }
+    template <class Archive>
+    void serialize(Archive& archive) {
+        archive(number);
+    }
+};
+struct received {
+    int number = 0;
+};
+constexpr ise::request_response<brittle, received> porcelain{"porcelain"};
 } // namespace
 
 using namespace boat_services;
@@ -272,6 +295,34 @@ TEST_CASE("a call is overloaded beyond what may wait, and those that wait are se
     CHECK(at.book.modes == std::vector<std::string>{"hold", "wait 1", "wait 2", "wait 3"});
 }
 
+TEST_CASE("a request that cannot be made out once its turn has come is refused, and the handler serves the next") {
+    fixture at;
+    ise::serve_options one;
+    one.concurrent = 1;
+    auto handle = [&](brittle came) -> ise::task<received> {
+        co_await ise::sleep_for(at.boat.on, 1s);
+        received answer{came.number};
+        co_return answer;
+    };
+    at.boat.provide(porcelain, handle, one);
+    auto send = [](ise::remote to, int number) -> ise::task<ise::result<received>> {
+        brittle request;
+        request.number = number;
+        auto answer = co_await to.try_call(porcelain, request, 5s);
+        co_return answer;
+    };
+    auto first = start(at.shore.on, send(at.there, 1));
+    auto second = start(at.shore.on, send(at.there, 2));
+    at.all.world.run_for(500ms);
+    brittle::breaks = true;
+    at.all.run_until([&] { return first->done && second->done; });
+    CHECK_FALSE(brittle::breaks);
+    CHECK(first->get());
+    REQUIRE_FALSE(second->get());
+    CHECK(second->get().error().code() == errc::handler_failed);
+    CHECK(at.all.run(at.shore, send(at.there, 3)));
+}
+
 TEST_CASE("a request that is given up while it waits for an exclusive service never runs") {
     ise::serve_options serving;
     serving.concurrent = 1;
@@ -478,6 +529,40 @@ TEST_CASE("a nested call has the smaller deadline of the two and the same trace"
     CHECK(book.deadline - begun < 4s);
     CHECK(all.run_until([&] { return book.cancelled == 1; })); // through both
     CHECK(all.run(shore, try_helm(shore.at("tcp://proxy:7400"), "hold", 3s)));
+}
+
+TEST_CASE("what goes on at a handler's executor after its answer has neither its caller nor its deadline") {
+    fixture at;
+    auto& third = at.all.add("third");
+    third.provide(helm, [&](set_mode) -> ise::task<mode_set> {
+        co_await ise::sleep_for(third.on, 30s);
+        mode_set answer;
+        co_return answer;
+    });
+    third.listen("tcp://0.0.0.0:7500");
+    std::optional<outcome> errand;
+    auto run_errand = [](ise::loop& on, ise::remote to, std::optional<outcome>& into) -> ise::task<> {
+        co_await ise::sleep_for(on, 1min);
+        auto got = co_await try_helm(to, "hold", 60s);
+        into.emplace(std::move(got));
+    };
+    at.boat.provide(echo, [&, far = at.boat.at("tcp://third:7500")](blob given) -> ise::task<blob> {
+        asio::any_io_executor here = co_await ise::this_task::executor;
+        auto begun = run_errand(at.boat.on, far, errand);
+        ise::async_run(here, std::move(begun), asio::detached);
+        co_return given;
+    });
+    CHECK(at.all.run(at.shore, try_echo(at.there, 8, 2s)));
+    at.there = {};
+    REQUIRE(at.all.run_until([&] { return at.boat.services->sessions().empty(); }));
+    std::optional<std::string> caller;
+    at.all.run_until([&] {
+        at.boat.services->calls().each_awaited([&](const ise::pending_call& call) { caller = call.made_in->caller; });
+        return caller || errand;
+    });
+    CHECK(caller == "");
+    at.all.run_until([&] { return errand.has_value(); });
+    CHECK(*errand);
 }
 
 TEST_CASE("a handler calls its caller back over the same session, without deadlock") {
@@ -765,6 +850,16 @@ TEST_CASE("a callback gets the outcome too") {
     at.all.run(at.shore, ask(at.there, got));
     at.all.run_until([&] { return got.has_value(); });
     CHECK(got->value().reason == "hold");
+}
+
+TEST_CASE("a link that nobody uses any more is forgotten when others follow, one that is used stays the same") {
+    fixture at;
+    auto& services = *at.shore.services;
+    for (int port = 1; port != 10'000; ++port)
+        services.link_to(ise::endpoint::parse("tcp://boat:" + std::to_string(port)).value());
+    CHECK(services.known_links() < 100);
+    CHECK(services.link_to(ise::endpoint::parse("tcp://boat:7400").value()).get() == &at.there.way());
+    CHECK(at.call("hold"));
 }
 
 TEST_CASE("a remote may be dropped while its calls are on their way, and the last one lets the session go") {

@@ -180,6 +180,69 @@ TEST_CASE("what is published right after the provider committed is not missed") 
     CHECK(left.size() == 1);
 }
 
+TEST_CASE("a provider may withdraw its service in the callback in which a subscriber leaves") {
+    fixture at;
+    auto& services = at.boat.services->services();
+    int left = 0;
+    ise::publication_callbacks<ise::subscription<fix, area, granted>> callbacks;
+    callbacks.on_unsubscribe = [&](const auto&, const ise::subscriber_info&) {
+        ++left;
+        services.remove("watched");
+        return ise::nothing{};
+    };
+    services.add(ise::make_publication(*at.boat.services, watched, std::move(callbacks))).value();
+    std::optional<errc> end;
+    auto stay = [](ise::remote from, std::optional<errc>& into) -> ise::task<> {
+        area wanted{"bay"};
+        auto stream = co_await from.subscribe(watched, wanted, ise::subscribe_options());
+        try {
+            auto packet = co_await stream.next();
+        } catch (const ise::error& ended) {
+            into = ended.code();
+        }
+    };
+    at.running.push_back(start(at.shore.on, stay(at.there, end)));
+    at.all.run_until([&] { return services.find_publication("watched")->subscribers() == 1; });
+    SECTION("as the service is withdrawn") {
+        services.remove("watched");
+        at.all.run_until([&] { return end.has_value(); });
+        CHECK(end == errc::no_such_service);
+    }
+    SECTION("as the component stops") { at.boat.services->stop(1s); }
+    SECTION("as the subscriber does not come back") {
+        at.all.world.net().partition("boat", "shore");
+        at.all.run_until([&] { return left == 1; });
+        at.all.world.net().heal_all();
+    }
+    CHECK(left == 1);
+    CHECK_FALSE(services.find_publication("watched"));
+}
+
+TEST_CASE("a subscriber whose acceptance withdraws the service is refused, and its provider hears that it left") {
+    fixture at;
+    int left = 0;
+    ise::publication_callbacks<ise::subscription<fix, area, granted>> callbacks;
+    callbacks.on_subscribe = [&](const area&, const ise::subscriber_info&) -> ise::result<granted> {
+        at.boat.services->services().remove("watched");
+        return granted{1};
+    };
+    callbacks.on_unsubscribe = [&](const auto&, const ise::subscriber_info&) {
+        ++left;
+        return ise::nothing{};
+    };
+    auto out = at.boat.publish(watched, std::move(callbacks));
+    auto subscribe = [](ise::remote from) -> ise::task<int> {
+        area wanted{"bay"};
+        auto stream = co_await from.subscribe(watched, wanted, ise::subscribe_options());
+        co_return stream.response().number;
+    };
+    auto subscribing = start(at.shore.on, subscribe(at.there));
+    at.all.run_until([&] { return subscribing->done; });
+    CHECK(subscribing->code() == errc::no_such_service);
+    CHECK(out.subscribers() == 0);
+    CHECK(left == 1);
+}
+
 TEST_CASE("a subscription to what is not there, or is another kind of service, is refused") {
     fixture at;
     at.boat.provide(helm, [](set_mode) { return mode_set{}; });
