@@ -281,8 +281,7 @@ public:
         std::string value = "null";
         std::string extra;
         if (json_) {
-            value = std::string(ise::as_text(message.data));
-            if (value.find('\n') != value.npos) value = "null";
+            value = readable_json(ise::as_text(message.data));
         } else if (topic_) {
             auto raw = topic_->packet().decode(message.data);
             if (!raw) throw problem(raw.error());

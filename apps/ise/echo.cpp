@@ -273,6 +273,7 @@ void declare_echo(command_line::app& app, parsed_command& made) {
         made.endless = !given->count;
         made.work = [given](context& in) {
             if (in.set.pretty) given->how.style = json_style::pretty;
+            given->how.terminal = in.out.is_terminal();
             return given->many() ? echo_many(in, *given) : echo(in, *given);
         };
     });

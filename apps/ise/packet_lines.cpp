@@ -42,21 +42,22 @@ std::optional<field_view> find(const dynamic_packet& packet, const std::string& 
     }
 }
 
-std::string csv_cell(std::string text) {
+std::string csv_cell(const packet_format& how, std::string text) {
+    if (how.terminal) text = printable(text);
     if (text.find_first_of(",\"\r\n") == text.npos) return text;
     std::string quoted = "\"";
     for (char letter : text) quoted += letter == '"' ? std::string("\"\"") : std::string(1, letter);
     return quoted + "\"";
 }
 
-std::string csv_value(const dynamic_packet& packet, const std::string& path) {
+std::string csv_value(const packet_format& how, const dynamic_packet& packet, const std::string& path) {
     auto value = find(packet, path);
     if (!value || (value->kind() == type_kind::optional && value->is_null())) return {};
     auto text = value->as_string();
     // A time is a string in JSON.
     if (value->kind() == type_kind::instant && text.size() > 1 && text.front() == '"')
         text = text.substr(1, text.size() - 2);
-    return csv_cell(std::move(text));
+    return csv_cell(how, std::move(text));
 }
 
 std::string json_value(const packet_format& how, const dynamic_packet& packet) {
@@ -130,7 +131,7 @@ std::string csv_heading(const packet_format& how, const schema& of, bool with_so
     if (how.losses) names.emplace_back("lost_before");
     for (auto& one : columns_of(how, of)) names.push_back(std::move(one));
     std::string line;
-    for (auto& one : names) line += (line.empty() ? "" : ",") + csv_cell(std::move(one));
+    for (auto& one : names) line += (line.empty() ? "" : ",") + csv_cell(how, std::move(one));
     return line + "\n";
 }
 
@@ -138,10 +139,10 @@ std::string packet_line(const packet_format& how, const received<dynamic_packet>
     const auto lost = packet.lost_before();
     if (how.csv) {
         std::vector<std::string> cells;
-        if (!from.component.empty()) cells = {csv_cell(from.component), csv_cell(from.service)};
+        if (!from.component.empty()) cells = {csv_cell(how, from.component), csv_cell(how, from.service)};
         if (how.stamp) cells.push_back(stamp_of(packet));
         if (how.losses) cells.push_back(lost ? std::to_string(*lost) : std::string());
-        for (const auto& path : columns_of(how, packet->type())) cells.push_back(csv_value(*packet, path));
+        for (const auto& path : columns_of(how, packet->type())) cells.push_back(csv_value(how, *packet, path));
         std::string line;
         for (std::size_t i = 0; i < cells.size(); ++i) line += (i == 0 ? "" : ",") + cells[i];
         return line + "\n";

@@ -11,8 +11,9 @@ namespace ise::cli {
 struct packet_format {
     std::vector<std::string> fields; ///< only these, by path; empty: the whole packet
     bool csv = false;
-    bool stamp = false;  ///< with the time of publication
-    bool losses = false; ///< with the packets lost before it
+    bool stamp = false;    ///< with the time of publication
+    bool losses = false;   ///< with the packets lost before it
+    bool terminal = false; ///< also in CSV without what a terminal obeys; JSON never has it
     json_style style = json_style::compact;
 };
 

@@ -264,7 +264,8 @@ std::string example(const std::string& name, const dynamic_contract& service) {
     std::string json;
     constexpr std::size_t longest = 160;
     bool small = asked.type().min_size <= longest;
-    if (small && !asked.type().members.empty()) json = " " + shell_quoted(printable(default_packet(asked).to_json()));
+    if (small && asked.type().kind == type_kind::structure && !asked.type().members.empty())
+        json = " " + shell_quoted(printable(default_packet(asked).to_json()));
     if (!small || json.size() > longest) json = calls || runs ? " -" : "";
     return fmt::format("    ise {} {} {}{}\n",
                        calls  ? "call"

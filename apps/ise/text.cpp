@@ -3,9 +3,11 @@
 #include <ise/access/guard.hpp>
 #include <ise/core/endpoint.hpp>
 #include <ise/core/readable.hpp>
+#include <ise/packet/detail/text_forms.hpp>
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -53,6 +55,21 @@ std::string printable(std::string_view text, bool keep_lines) {
         text.remove_prefix(std::max<std::size_t>(length, 1));
     }
     return shown;
+}
+
+std::string readable_json(std::string_view text) {
+    if (text.starts_with("\xef\xbb\xbf")) text.remove_prefix(3); // a byte order mark
+    if (!nlohmann::json::accept(text)) return "null";
+    std::string line;
+    while (!text.empty()) {
+        if (text.front() == '\n' || text.front() == '\r' || text.front() == '\t') { // between values
+            line += ' ';
+            text.remove_prefix(1);
+        } else {
+            ise::detail::append_json_letter(line, text);
+        }
+    }
+    return line;
 }
 
 std::string cut(std::string_view text, std::size_t width) {

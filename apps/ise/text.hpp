@@ -20,6 +20,8 @@ std::string show_bytes(std::uint64_t count);
 /// What others wrote, fit for a terminal: no control characters, no broken UTF-8 and, unless `keep_lines`, no line
 /// ends.
 std::string printable(std::string_view text, bool keep_lines = false);
+/// JSON of others on one line, fit for a terminal: its strings have escapes instead. "null" if it is none.
+std::string readable_json(std::string_view text);
 using ise::columns;
 /// Cut to `width` columns, with "…" where something is missing.
 std::string cut(std::string_view text, std::size_t width);

@@ -2,6 +2,7 @@
 #include <components/foxglove_gateway/gateway_options.hpp>
 #include <components/foxglove_gateway/services.hpp>
 
+#include <ise/bag/protobuf.hpp>
 #include <ise/component/component.hpp>
 #include <ise/component/introspection.hpp>
 #include <ise/core/log_limiter.hpp>
@@ -15,6 +16,16 @@
 namespace ise::foxglove {
 
 inline constexpr std::size_t max_channels = 16384;
+inline constexpr std::size_t max_message_bytes = std::size_t{32} << 20; ///< that is made of a packet
+inline constexpr std::size_t max_packet_bytes = std::size_t{16} << 20;  ///< that is made of a viewer's message
+
+/// The same for protobuf.
+inline bag::protobuf_limits message_limits() {
+    bag::protobuf_limits made;
+    made.max_message_bytes = max_message_bytes;
+    made.max_packet_bytes = max_packet_bytes;
+    return made;
+}
 
 /// A component as it was described.
 struct known_component {

@@ -18,9 +18,8 @@ namespace {
 
 constexpr duration first_pause = std::chrono::seconds(1); // before it subscribes again
 constexpr duration longest_pause = std::chrono::seconds(30);
-constexpr duration unused_time = std::chrono::seconds(5);        // until a subscription without viewers ends
-constexpr std::size_t max_message_bytes = std::size_t{32} << 20; // of a channel
-constexpr std::uint32_t derived_depth = 256;                     // packets; a derivation keeps what it needs of each
+constexpr duration unused_time = std::chrono::seconds(5); // until a subscription without viewers ends
+constexpr std::uint32_t derived_depth = 256;              // packets; a derivation keeps what it needs of each
 
 } // namespace
 
@@ -81,7 +80,7 @@ public:
         auto event = packet.as<served_run>();
         if (event.action != action_) return;
         buffer payload;
-        type_.encode(encode_run(event), payload, false).value();
+        type_.encode(encode_run(event), payload, false, message_limits()).value();
         to.push_back({0, at, std::string(as_text(payload.view()))});
     }
 
@@ -191,8 +190,7 @@ task<> shown_channels::feed(std::shared_ptr<shown_channels> me, std::shared_ptr<
     else if (in.options.viewer.depth > 1) terms = subscribe_options::keep_last(in.options.viewer.depth);
     duration pause = first_pause;
     while (from->wanted) {
-        auto request = default_packet(from->contract.packet(role::subscribe_request));
-        auto made = co_await subscribe_dynamic(who, from->contract, std::move(request), terms);
+        auto made = co_await subscribe_dynamic(who, from->contract, terms);
         if (!from->wanted) break;
         std::string problem;
         from->left = false;
@@ -249,7 +247,7 @@ void shown_channels::take(source& from, const dynamic_packet& packet, wall_time 
     };
     if (!from.derived) {
         buffer payload;
-        if (auto done = from.type->encode(packet.encoded(), payload, false); !done)
+        if (auto done = from.type->encode(packet.encoded(), payload, false, message_limits()); !done)
             return left_out(done.error().message());
         publish(*from.channels[0], at, std::string(as_text(payload.view())));
         return;

@@ -4,6 +4,7 @@
 #include <ise/core/buffer.hpp>
 #include <ise/core/bytes.hpp>
 #include <ise/packet/dynamic.hpp>
+#include <ise/packet/json.hpp>
 
 #include <fmt/format.h>
 
@@ -26,9 +27,7 @@ struct shown_services::callable {
         try {
             const auto& type = contract.packet(role::request);
             if (asked.encoding == "json") return dynamic_packet::from_json(type, asked.payload);
-            bag::protobuf_limits limits;
-            limits.max_packet_bytes = std::size_t{16} << 20;
-            auto packet = request.decode_fields(as_bytes(asked.payload), limits);
+            auto packet = request.decode_fields(as_bytes(asked.payload), message_limits());
             if (!packet) return packet.error();
             return dynamic_packet(type, std::move(*packet));
         } catch (const error& why) {
@@ -36,11 +35,16 @@ struct shown_services::callable {
         }
     }
     result<std::string> response_to(const call_message& asked, const dynamic_packet& answer) const {
-        if (asked.encoding == "json") return answer.to_json();
-        buffer made;
-        auto done = response.encode(answer.encoded(), made, false);
-        if (!done) return done.error();
-        return std::string(as_text(made.view()));
+        try {
+            if (asked.encoding == "json")
+                return to_json(answer.type(), answer.encoded(), json_style::compact, max_message_bytes);
+            buffer made;
+            auto done = response.encode(answer.encoded(), made, false, message_limits());
+            if (!done) return done.error();
+            return std::string(as_text(made.view()));
+        } catch (const error& why) {
+            return why.why();
+        }
     }
 
     std::string path;

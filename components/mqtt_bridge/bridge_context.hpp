@@ -12,7 +12,6 @@
 namespace ise::mqtt {
 
 inline constexpr std::size_t max_topics = 4096;
-inline constexpr std::size_t max_message_bytes = std::size_t{4} << 20; ///< of a payload
 
 /// What the parts of a bridge share: its component, its options and its counts. `of` and `how` must outlive it. Used on
 /// the component's loop.

@@ -145,15 +145,14 @@ task<> client_calls::call(std::shared_ptr<client_calls> me, std::shared_ptr<call
     call_outcome outcome;
     if (got) {
         auto payload = service->response.encode(*got);
-        if (payload && payload->size() <= max_message_bytes) {
+        if (payload) {
             outcome.code = "ok";
             outcome.payload = std::move(*payload);
         } else {
-            outcome = outcome_of(failure(payload ? errc::too_large : payload.error().code(),
-                                         payload ? "it was executed, but the response is too large for MQTT "
-                                                   "(max_message_bytes)"
-                                                 : payload.error().message(),
-                                         execution::unknown));
+            outcome = outcome_of(
+                failure(payload.error().code(),
+                        fmt::format("it was executed, but its response is not sent: {}", payload.error().message()),
+                        execution::unknown));
         }
     } else {
         outcome = outcome_of(got.error());

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 
 namespace ise::mqtt {
@@ -70,6 +71,18 @@ void outgoing_messages::answer(message what) {
 
 void outgoing_messages::enter(newest_message one) {
     one.came = in_->self.now();
+    auto known = newest_.find(one.what.topic);
+    const auto size = one.what.payload.size();
+    const auto others = newest_bytes_ - (known == newest_.end() ? 0 : known->second.what.payload.size());
+    const auto most = in_->options.queue.newest_bytes;
+    if (size > most - std::min(most, others) && size > 0) {
+        ++in_->counts.dropped;
+        in_->note(fmt::format("a message of {} is not sent: with the newest of all topics it has more than {} bytes "
+                              "(newest_bytes)",
+                              one.what.topic, most));
+        return;
+    }
+    newest_bytes_ = others + size;
     auto& here = newest_[one.what.topic];
     if (here.waiting && !here.plain) ++in_->counts.replaced;
     one.waiting = true;

@@ -89,6 +89,7 @@ private:
     time_point connected_at_{};
     time_point not_before_{};                      // the broker wants no queued message until then
     std::map<std::string, newest_message> newest_; // by topic
+    std::size_t newest_bytes_ = 0;                 // of their payloads
     std::deque<std::string> waiting_;              // topics of these, as they became so
     std::deque<message> answers_;                  // that wait
     std::map<int, sent_message> sent_;             // by token

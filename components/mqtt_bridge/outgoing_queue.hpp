@@ -27,6 +27,8 @@ struct queue_limits {
     std::uint64_t disk_bytes = std::uint64_t{256} << 20; ///< beyond it the oldest are dropped
     std::size_t memory_bytes = std::size_t{16} << 20; ///< not on disk, as it is full; beyond it the newest are dropped
     std::size_t window = 256;                         ///< messages that are sent and not confirmed
+    /// Payloads of the newest messages of topics of which only these count; beyond it a topic keeps its last one.
+    std::size_t newest_bytes = std::size_t{128} << 20;
 };
 
 /// The messages for a broker, in order, until each is confirmed. Those that are confirmed at once are only in memory;

@@ -84,8 +84,7 @@ task<> service_feeds::feed(std::shared_ptr<service_feeds> me, std::shared_ptr<so
     duration pause = first_pause;
     bool before = false;
     while (!from->withdrawn) {
-        auto request = default_packet(from->contract.packet(role::subscribe_request));
-        auto made = co_await subscribe_dynamic(who, from->contract, std::move(request), terms);
+        auto made = co_await subscribe_dynamic(who, from->contract, terms);
         if (from->withdrawn) break;
         std::string problem;
         if (made) {
@@ -132,12 +131,10 @@ void service_feeds::settle(source& of, const std::string& problem) {
 
 void service_feeds::take(const source& from, const dynamic_packet& packet, wall_time at) {
     auto payload = from.codec.encode(packet);
-    if (!payload || payload->size() > max_message_bytes) {
+    if (!payload) {
         ++in_->counts.dropped;
-        in_->note(fmt::format(
-            "a packet of '{}/{}' is not sent: {}", from.path, from.contract.name(),
-            payload ? fmt::format("it has {} bytes, {} at most (max_message_bytes)", payload->size(), max_message_bytes)
-                    : payload.error().message()));
+        in_->note(fmt::format("a packet of '{}/{}' is not sent: {}", from.path, from.contract.name(),
+                              payload.error().message()));
         return;
     }
     queued_message made;

@@ -391,10 +391,7 @@ task<> compare(component& self, std::shared_ptr<Shared> of, std::shared_ptr<cons
             // A subscription that waits for a name tries again after longer and longer times.
             while (!stream && !over && of->as_recorded() && !of->registered.contains(of->renamed(which->component())))
                 co_await self.sleep(presence_check);
-            if (!stream && !over) {
-                auto request = default_packet(contract.packet(role::subscribe_request));
-                stream = co_await subscribe_dynamic(who, contract, std::move(request), terms);
-            }
+            if (!stream && !over) stream = co_await subscribe_dynamic(who, contract, terms);
             if (stream) packet = co_await stream->next();
             if (packet) break;
             auto why = stream ? stream->cause() : stream.error();

@@ -13,6 +13,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <span>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -49,6 +50,25 @@ using wide = boost::multiprecision::int128_t;
 #endif
 
 constexpr std::size_t max_messages = 16384; // of one schema
+// Structs without fields take no bytes in a packet, so that its size does not bound their number.
+constexpr std::size_t max_empty_values = 65536; // of one packet, and one more for each byte that is converted
+constexpr std::size_t max_runs = 65536;         // of one message: fields of one number that follow one another
+
+// Counts the values without bytes of one packet.
+class empty_values {
+public:
+    explicit empty_values(std::size_t bytes) : left_(max_empty_values + bytes), most_(left_) {}
+    void count(const type_description& type) {
+        if (type.min_size > 0) return;
+        if (left_ == 0)
+            throw error(errc::too_large,
+                        fmt::format("the packet has more than {} values without bytes (max_empty_values)", most_));
+        --left_;
+    }
+
+private:
+    std::size_t left_, most_;
+};
 
 // --- writing protobuf ------------------------------------------------------------------------------------------------
 
@@ -545,8 +565,6 @@ void put_time(buffer& to, const type_description& type, std::int64_t ticks, bool
     if (nanos != 0) put_number(to, 2, static_cast<std::uint64_t>(nanos));
 }
 
-void put_message(buffer& to, const message_plan& message, packet_bytes& in);
-
 // The raw bytes of a blob or a text.
 bytes_view block_of(const type_description& type, packet_bytes& in) {
     if (type.kind == type_kind::array) {
@@ -558,105 +576,137 @@ bytes_view block_of(const type_description& type, packet_bytes& in) {
     return in.take(in.number<std::uint32_t>());
 }
 
-// One value; without its tag if `tag` is false. With `keep` false a zero is left out.
-void put_value(buffer& to, const field_plan& field, packet_bytes& in, bool tag, bool keep) {
-    const auto& type = *field.of;
-    auto kind =
-        type.kind == type_kind::enumeration || type.kind == type_kind::time_span || type.kind == type_kind::instant
-            ? type.number
-            : type.kind;
-    auto varint = [&](std::uint64_t value) {
-        if (value == 0 && !keep) return;
-        if (tag) put_tag(to, field.number, wire::varint);
-        put_varint(to, value);
-    };
-    switch (field.type) {
-        case field_type::boolean: return varint(in.number<std::uint8_t>() ? 1 : 0);
-        case field_type::u32:
-        case field_type::u64: return varint(unsigned_number(in, kind));
-        case field_type::s32:
-        case field_type::s64: return varint(zigzag(signed_number(in, kind)));
-        case field_type::enumeration:
-            return varint(is_signed(kind) ? static_cast<std::uint64_t>(signed_number(in, kind))
-                                          : unsigned_number(in, kind));
-        case field_type::f32: {
-            auto bits = in.number<std::uint32_t>();
-            if (bits == 0 && !keep) return;
-            if (tag) put_tag(to, field.number, wire::fixed32);
-            return to.append(bits);
-        }
-        case field_type::f64: {
-            auto bits = in.number<std::uint64_t>();
-            if (type.kind == type_kind::time_span || type.kind == type_kind::instant) // in seconds
-                bits = std::bit_cast<std::uint64_t>(std::bit_cast<double>(bits) * static_cast<double>(type.period_num) /
-                                                    static_cast<double>(type.period_den));
-            if (bits == 0 && !keep) return;
-            if (tag) put_tag(to, field.number, wire::fixed64);
-            return to.append(bits);
-        }
-        case field_type::text: {
-            auto raw = type.kind == type_kind::string ? in.take(in.number<std::uint32_t>()) : block_of(type, in);
-            if (raw.empty() && !keep) return;
-            return put_nested(to, field.number, [&] { append_utf8(to, as_text(raw)); });
-        }
-        case field_type::blob: {
-            auto raw = type.kind == type_kind::opaque ? in.take(in.number<std::uint32_t>()) : block_of(type, in);
-            if (raw.empty() && !keep) return;
-            return put_block(to, field.number, raw);
-        }
-        case field_type::message:
-            return put_nested(to, field.number, [&] {
-                if (field.message->form == shape::instant || field.message->form == shape::time_span)
-                    put_time(to, type, in.number<std::int64_t>(), field.message->form == shape::time_span);
-                else put_message(to, *field.message, in);
-            });
-    }
-}
+class message_maker {
+public:
+    message_maker(buffer& to, bytes_view packet, std::size_t most)
+        : to_(to), in_(packet), most_(most), from_(to.size()), empty_(packet.size()) {}
 
-void put_field_value(buffer& to, const field_plan& field, packet_bytes& in) {
-    const auto& whole = *field.whole;
-    switch (field.how) {
-        case presence::implicit:
-        case presence::oneof: return put_value(to, field, in, true, field.how == presence::oneof);
-        case presence::optional: {
-            auto there = in.number<std::uint8_t>();
-            if (there > 1)
-                throw error(errc::malformed, fmt::format("the optional '{}' is neither there nor absent", field.name));
-            if (there) put_value(to, field, in, true, true);
+    void message(const message_plan& plan) {
+        if (plan.form != shape::variant) {
+            for (const auto& one : plan.fields) field(one);
             return;
         }
-        case presence::repeated: {
-            auto count = whole.kind == type_kind::array ? whole.length : in.number<std::uint32_t>();
-            const auto& element = whole.kind == type_kind::map ? whole : whole.members[0].type;
-            auto least = whole.kind == type_kind::map ? whole.members[0].type.min_size + whole.members[1].type.min_size
-                                                      : element.min_size;
-            if (least > 0 ? count > in.left() / least : count > in.left() + 65536)
-                throw error(errc::malformed,
-                            fmt::format("'{}' has more elements than the packet has bytes", field.name));
-            if (count == 0) return;
-            if (field.packs())
-                return put_nested(to, field.number, [&] {
-                    while (count-- > 0) put_value(to, field, in, false, true);
+        std::size_t which = plan.fields.size() > 255 ? in_.number<std::uint16_t>() : in_.number<std::uint8_t>();
+        if (which >= plan.fields.size())
+            throw error(errc::malformed, fmt::format("a variant has the unknown alternative {}", which));
+        field(plan.fields[which]);
+    }
+    void finish() {
+        if (!in_.empty()) throw error(errc::malformed, "the packet has bytes after its last value");
+        check_room(0);
+    }
+    void own_bytes(bytes_view packet) {
+        check_room(packet.size());
+        put_block(to_, own_bytes_field, packet);
+    }
+
+private:
+    void check_room(std::size_t more) const {
+        auto made = to_.size() - from_;
+        if (made > most_ || more > most_ - made)
+            throw error(errc::too_large, fmt::format("the message has more than {} bytes (max_message_bytes)", most_));
+    }
+
+    void field(const field_plan& of) {
+        const auto& whole = *of.whole;
+        switch (of.how) {
+            case presence::implicit:
+            case presence::oneof: return value(of, true, of.how == presence::oneof);
+            case presence::optional: {
+                auto there = in_.number<std::uint8_t>();
+                if (there > 1)
+                    throw error(errc::malformed, fmt::format("the optional '{}' is neither there nor absent", of.name));
+                if (there) value(of, true, true);
+                return;
+            }
+            case presence::repeated: {
+                auto count = whole.kind == type_kind::array ? whole.length : in_.number<std::uint32_t>();
+                const auto& element = whole.kind == type_kind::map ? whole : whole.members[0].type;
+                auto least = whole.kind == type_kind::map
+                                 ? whole.members[0].type.min_size + whole.members[1].type.min_size
+                                 : element.min_size;
+                if (least > 0 && count > in_.left() / least)
+                    throw error(errc::malformed,
+                                fmt::format("'{}' has more elements than the packet has bytes", of.name));
+                if (count == 0) return;
+                if (of.packs())
+                    return put_nested(to_, of.number, [&] {
+                        while (count-- > 0) value(of, false, true);
+                    });
+                if (whole.kind == type_kind::map)
+                    while (count-- > 0) put_nested(to_, of.number, [&] { message(*of.message); });
+                else
+                    while (count-- > 0) value(of, true, true);
+                return;
+            }
+        }
+    }
+
+    // One value; without its tag if `tag` is false. With `keep` false a zero is left out.
+    void value(const field_plan& of, bool tag, bool keep) {
+        const auto& type = *of.of;
+        empty_.count(type);
+        check_room(0);
+        auto kind =
+            type.kind == type_kind::enumeration || type.kind == type_kind::time_span || type.kind == type_kind::instant
+                ? type.number
+                : type.kind;
+        auto varint = [&](std::uint64_t number) {
+            if (number == 0 && !keep) return;
+            if (tag) put_tag(to_, of.number, wire::varint);
+            put_varint(to_, number);
+        };
+        switch (of.type) {
+            case field_type::boolean: return varint(in_.number<std::uint8_t>() ? 1 : 0);
+            case field_type::u32:
+            case field_type::u64: return varint(unsigned_number(in_, kind));
+            case field_type::s32:
+            case field_type::s64: return varint(zigzag(signed_number(in_, kind)));
+            case field_type::enumeration:
+                return varint(is_signed(kind) ? static_cast<std::uint64_t>(signed_number(in_, kind))
+                                              : unsigned_number(in_, kind));
+            case field_type::f32: {
+                auto bits = in_.number<std::uint32_t>();
+                if (bits == 0 && !keep) return;
+                if (tag) put_tag(to_, of.number, wire::fixed32);
+                return to_.append(bits);
+            }
+            case field_type::f64: {
+                auto bits = in_.number<std::uint64_t>();
+                if (type.kind == type_kind::time_span || type.kind == type_kind::instant) // in seconds
+                    bits = std::bit_cast<std::uint64_t>(std::bit_cast<double>(bits) *
+                                                        static_cast<double>(type.period_num) /
+                                                        static_cast<double>(type.period_den));
+                if (bits == 0 && !keep) return;
+                if (tag) put_tag(to_, of.number, wire::fixed64);
+                return to_.append(bits);
+            }
+            case field_type::text: {
+                auto raw = type.kind == type_kind::string ? in_.take(in_.number<std::uint32_t>()) : block_of(type, in_);
+                if (raw.empty() && !keep) return;
+                check_room(raw.size());
+                return put_nested(to_, of.number, [&] { append_utf8(to_, as_text(raw)); });
+            }
+            case field_type::blob: {
+                auto raw = type.kind == type_kind::opaque ? in_.take(in_.number<std::uint32_t>()) : block_of(type, in_);
+                if (raw.empty() && !keep) return;
+                check_room(raw.size());
+                return put_block(to_, of.number, raw);
+            }
+            case field_type::message:
+                return put_nested(to_, of.number, [&] {
+                    if (of.message->form == shape::instant || of.message->form == shape::time_span)
+                        put_time(to_, type, in_.number<std::int64_t>(), of.message->form == shape::time_span);
+                    else message(*of.message);
                 });
-            if (whole.kind == type_kind::map)
-                while (count-- > 0) put_nested(to, field.number, [&] { put_message(to, *field.message, in); });
-            else
-                while (count-- > 0) put_value(to, field, in, true, true);
-            return;
         }
     }
-}
 
-void put_message(buffer& to, const message_plan& message, packet_bytes& in) {
-    if (message.form != shape::variant) {
-        for (const auto& field : message.fields) put_field_value(to, field, in);
-        return;
-    }
-    std::size_t which = message.fields.size() > 255 ? in.number<std::uint16_t>() : in.number<std::uint8_t>();
-    if (which >= message.fields.size())
-        throw error(errc::malformed, fmt::format("a variant has the unknown alternative {}", which));
-    put_field_value(to, message.fields[which], in);
-}
+    buffer& to_;
+    packet_bytes in_;
+    std::size_t most_, from_;
+    empty_values empty_;
+};
 
 // --- message to packet -----------------------------------------------------------------------------------------------
 
@@ -664,6 +714,7 @@ class message_bytes {
 public:
     explicit message_bytes(bytes_view all) : left_(all) {}
     bool empty() const noexcept { return left_.empty(); }
+    const std::byte* here() const noexcept { return left_.data(); }
     std::uint64_t varint() {
         std::uint64_t value = 0;
         for (unsigned shift = 0; shift < 70; shift += 7) {
@@ -712,35 +763,58 @@ private:
 
 class packet_maker {
 public:
-    packet_maker(buffer& to, std::size_t most) : to_(to), most_(most) {}
+    packet_maker(buffer& to, bytes_view whole, std::size_t most) : to_(to), most_(most), empty_(whole.size()) {}
 
     // A message that is absent has all of its fields absent.
     void message(const message_plan& plan, bytes_view content) {
-        std::vector<std::pair<std::size_t, message_bytes::field>> got; // by the place of the field
-        for (message_bytes in(content); !in.empty();) {
-            auto one = in.next();
-            if (one.number <= plan.fields.size()) got.emplace_back(one.number - 1, one);
-        }
+        auto got = runs_of(plan, content);
         if (plan.form == shape::variant) {
             if (plan.fields.empty()) throw error(errc::malformed, "a variant without alternatives");
-            std::size_t which = got.empty() ? 0 : got.back().first; // the last one counts
+            std::size_t which = got.empty() ? 0 : got.back().place; // the last one counts
             if (plan.fields.size() > 255) put(static_cast<std::uint16_t>(which));
             else put(static_cast<std::uint8_t>(which));
-            return value(plan.fields[which], got.empty() ? nullptr : &got.back().second);
+            return last(plan.fields[which], std::span(got).last(got.empty() ? 0 : 1));
         }
-        // Fields are in order where a program wrote them; sorted in place by place and time else.
-        std::vector<std::size_t> order(got.size());
-        for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
-        std::ranges::sort(order, {}, [&](std::size_t i) { return std::pair(got[i].first, i); });
-        std::size_t at = 0;
+        // Fields are in order where a program wrote them.
+        std::ranges::stable_sort(got, {}, &run::place);
+        std::span<const run> left = got;
         for (std::size_t place = 0; place < plan.fields.size(); ++place) {
-            std::vector<const message_bytes::field*> those;
-            for (; at < order.size() && got[order[at]].first == place; ++at) those.push_back(&got[order[at]].second);
-            field(plan.fields[place], those);
+            std::size_t count = 0;
+            while (count < left.size() && left[count].place == place) ++count;
+            field(plan.fields[place], left.first(count));
+            left = left.subspan(count);
         }
     }
 
 private:
+    // Fields of one number that follow one another in a message: few, however many fields there are.
+    struct run {
+        std::size_t place = 0; // of the field in its plan
+        bytes_view fields;
+    };
+
+    static std::vector<run> runs_of(const message_plan& plan, bytes_view content) {
+        std::vector<run> made;
+        const std::byte* end = nullptr; // of the last run
+        for (message_bytes in(content); !in.empty();) {
+            const auto* begin = in.here();
+            auto one = in.next();
+            if (one.number > plan.fields.size()) continue;
+            const std::size_t place = one.number - 1;
+            if (begin == end && made.back().place == place) {
+                made.back().fields = bytes_view(made.back().fields.data(), in.here());
+            } else {
+                if (made.size() == max_runs)
+                    throw error(errc::too_large, fmt::format("the fields of a message change more than {} times "
+                                                             "(max_runs)",
+                                                             max_runs));
+                made.push_back({place, bytes_view(begin, in.here())});
+            }
+            end = in.here();
+        }
+        return made;
+    }
+
     [[noreturn]] static void wrong(const field_plan& of, std::string_view what) {
         throw error(errc::malformed, fmt::format("the field '{}' {}", of.name, what));
     }
@@ -757,36 +831,28 @@ private:
         if (!raw.empty()) std::memcpy(room(raw.size()), raw.data(), raw.size());
     }
 
-    void field(const field_plan& of, const std::vector<const message_bytes::field*>& got) {
+    // Of a field that comes several times the last counts.
+    void last(const field_plan& of, std::span<const run> got) {
+        message_bytes::field one;
+        if (!got.empty())
+            for (message_bytes in(got.back().fields); !in.empty();) one = in.next();
+        value(of, got.empty() ? nullptr : &one);
+    }
+
+    void field(const field_plan& of, std::span<const run> got) {
         const auto& whole = *of.whole;
         if (of.how == presence::optional) {
             put(static_cast<std::uint8_t>(got.empty() ? 0 : 1));
-            if (!got.empty()) value(of, got.back());
+            if (!got.empty()) last(of, got);
             return;
         }
-        if (of.how != presence::repeated) return value(of, got.empty() ? nullptr : got.back());
+        if (of.how != presence::repeated) return last(of, got);
         std::size_t count_at = to_.size();
         std::uint64_t count = 0;
         if (whole.kind != type_kind::array) put(std::uint32_t{0});
-        for (const auto* one : got) {
-            if (of.packs() && one->type == wire::block) {
-                for (message_bytes in(one->block); !in.empty(); ++count) {
-                    message_bytes::field each;
-                    if (of.type == field_type::f64)
-                        each.type = wire::fixed64, each.value = detail::load_little<std::uint64_t>(in.take(8).data());
-                    else if (of.type == field_type::f32)
-                        each.type = wire::fixed32, each.value = detail::load_little<std::uint32_t>(in.take(4).data());
-                    else each.value = in.varint();
-                    value(of, &each);
-                }
-            } else {
-                value(of, one);
-                ++count;
-            }
-        }
+        for (const auto& part : got)
+            for (message_bytes in(part.fields); !in.empty();) count += elements(of, in.next());
         if (whole.kind == type_kind::array) {
-            if (count == 0 && whole.length > 65536 && whole.members[0].type.min_size == 0)
-                wrong(of, "has too many elements without bytes");
             if (count == 0)
                 for (; count < whole.length; ++count) value(of, nullptr);
             if (count != whole.length) wrong(of, fmt::format("has {} elements instead of {}", count, whole.length));
@@ -795,6 +861,25 @@ private:
         } else {
             to_.patch_u32(count_at, static_cast<std::uint32_t>(count));
         }
+    }
+
+    // The elements in one field, which may hold many numbers.
+    std::uint64_t elements(const field_plan& of, const message_bytes::field& one) {
+        if (!of.packs() || one.type != wire::block) {
+            value(of, &one);
+            return 1;
+        }
+        std::uint64_t count = 0;
+        for (message_bytes in(one.block); !in.empty(); ++count) {
+            message_bytes::field each;
+            if (of.type == field_type::f64)
+                each.type = wire::fixed64, each.value = detail::load_little<std::uint64_t>(in.take(8).data());
+            else if (of.type == field_type::f32)
+                each.type = wire::fixed32, each.value = detail::load_little<std::uint32_t>(in.take(4).data());
+            else each.value = in.varint();
+            value(of, &each);
+        }
+        return count;
     }
 
     template <class T>
@@ -824,6 +909,7 @@ private:
     // Nothing: it is absent.
     void value(const field_plan& of, const message_bytes::field* got) {
         const auto& type = *of.of;
+        empty_.count(type);
         auto kind = type.kind == type_kind::enumeration ? type.number : type.kind;
         auto expect = [&](wire wanted) {
             if (got && got->type != wanted) wrong(of, "has another type than the schema says");
@@ -892,6 +978,7 @@ private:
 
     buffer& to_;
     std::size_t most_;
+    empty_values empty_;
 };
 
 } // namespace
@@ -937,13 +1024,13 @@ const schema& protobuf_type::of() const noexcept { return state_->of; }
 const std::string& protobuf_type::name() const noexcept { return state_->name; }
 const bytes& protobuf_type::descriptors() const noexcept { return state_->descriptors; }
 
-result<void> protobuf_type::encode(bytes_view packet, buffer& to, bool own_bytes) const {
+result<void> protobuf_type::encode(bytes_view packet, buffer& to, bool own_bytes, const protobuf_limits& limits) const {
     auto from = to.size();
     try {
-        packet_bytes in(packet);
-        put_message(to, *state_->messages[0], in);
-        if (!in.empty()) throw error(errc::malformed, "the packet has bytes after its last value");
-        if (own_bytes) put_block(to, own_bytes_field, packet);
+        message_maker made(to, packet, limits.max_message_bytes);
+        made.message(*state_->messages[0]);
+        made.finish();
+        if (own_bytes) made.own_bytes(packet);
         return {};
     } catch (const error& thrown) {
         to.truncate(from);
@@ -971,7 +1058,7 @@ result<bytes> protobuf_type::decode(bytes_view message, const protobuf_limits& l
 result<bytes> protobuf_type::decode_fields(bytes_view message, const protobuf_limits& limits) const {
     try {
         buffer out;
-        packet_maker(out, limits.max_packet_bytes).message(*state_->messages[0], message);
+        packet_maker(out, message, limits.max_packet_bytes).message(*state_->messages[0], message);
         return out.to_bytes();
     } catch (const error& thrown) {
         return failure(thrown.code(), fmt::format("{}: {}", state_->name, thrown.what()));

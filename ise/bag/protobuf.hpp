@@ -15,9 +15,11 @@ namespace ise::bag {
 /// The field of every encoded message that has ISE's own bytes of the packet. No descriptor has it: readers skip it.
 inline constexpr std::uint32_t own_bytes_field = 536'870'911;
 
-/// Limits on protobuf messages, which may come from untrusted sources.
+/// Limits on the conversion of packets and protobuf messages, which may come from untrusted sources (LIMITS.md).
 struct protobuf_limits {
     std::size_t max_packet_bytes = std::size_t{256} << 20; ///< of the packet that is made of one
+    /// Of one that is made of a packet; fits into a chunk of a recording (`reader_limits::max_chunk_bytes`).
+    std::size_t max_message_bytes = std::size_t{240} << 20;
 };
 
 /// One schema as a protobuf message type, and the conversion of packets. Immutable; may be used from any thread.
@@ -48,8 +50,9 @@ public:
     const bytes& descriptors() const noexcept;
 
     /// Appends a packet as a message; with `own_bytes` also as it is, in `own_bytes_field`. errc::malformed if the
-    /// packet does not match the schema; `to` is unchanged then.
-    result<void> encode(bytes_view packet, buffer& to, bool own_bytes) const;
+    /// packet does not match the schema, errc::too_large beyond a limit; `to` is unchanged then.
+    result<void> encode(bytes_view packet, buffer& to, bool own_bytes,
+                        const protobuf_limits& limits = protobuf_limits()) const;
     /// The packet of a message: its own bytes if it has them, else made of the fields. Missing fields are zero. Of a
     /// field that comes twice the last counts. errc::malformed with the field, errc::too_large.
     result<bytes> decode(bytes_view message, const protobuf_limits& limits = protobuf_limits()) const;

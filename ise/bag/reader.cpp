@@ -1,6 +1,7 @@
 #include <ise/bag/reader.hpp>
 
 #include <ise/bag/compression.hpp>
+#include <ise/bag/schema_room.hpp>
 #include <ise/core/little_endian.hpp>
 
 #include <fmt/format.h>
@@ -228,23 +229,6 @@ result<std::optional<record>> record_reader::next() {
 }
 
 namespace {
-
-// A file that declares schemas without end must not take memory without end.
-class schema_room {
-public:
-    schema_room(const source& from, std::uint64_t limit) : from_(from), left_(limit), limit_(limit) {}
-    result<void> take(std::uint64_t at, std::size_t size) {
-        if (size > left_)
-            return in_file(from_, at, errc::too_large,
-                           fmt::format("its schemas and channels have more than {} bytes (max_schema_bytes)", limit_));
-        left_ -= size;
-        return {};
-    }
-
-private:
-    const source& from_;
-    std::uint64_t left_, limit_;
-};
 
 result<void> add_schema(summary& to, const source& from, std::uint64_t at, bytes_view content, schema_room& room) {
     auto made = parse_at<schema_record>(from, at, content);

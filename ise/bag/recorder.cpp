@@ -8,6 +8,7 @@
 #include <ise/component/served_runs.hpp>
 #include <ise/core/endpoint.hpp>
 #include <ise/core/environment.hpp>
+#include <ise/core/log_limiter.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/core/task_scope.hpp>
 #include <ise/core/time_text.hpp>
@@ -83,6 +84,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
     bool close_file = false;                     // the ring begins again
     bool finishing = false;
     bool first_names = true;
+    log_limiter quiet; // of packets that are refused
 
     bool in_ring() const { return options.ring > duration{} && self.now() >= record_until; }
 
@@ -183,21 +185,33 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
 
     // --- writing ----------------------------------------------------------------------------------------------------
 
+    // Packets that no file can have, or the present one has no room for: they are lost, and the others are not.
+    struct refused_packets {
+        std::uint64_t count = 0;
+        std::string first;
+    };
+
     // Outside of the loop. The first failure that is not one of a single packet.
     result<void> write(std::vector<recorded_message>& batch, const string_map& why, timestamp now, bool flush,
-                       bool close, std::vector<failure>& refused) {
+                       bool close, refused_packets& refused) {
         for (const auto& one : batch) {
             auto done = file.write(one);
-            if (!done && done.error().code() == errc::malformed) {
-                refused.push_back(done.error());
-                continue;
-            }
-            if (!done) return done;
+            if (done) continue;
+            const auto& problem = done.error();
+            if (problem.code() != errc::malformed && problem.code() != errc::too_large) return done;
+            if (refused.count++ == 0) refused.first = problem.message();
         }
         if (!why.empty())
             if (auto done = file.note("ise.trigger", why, now); !done) return done;
         if (close) return file.close();
         return flush ? file.flush() : result<void>();
+    }
+
+    void note_refused(const refused_packets& what) {
+        if (auto left_out = quiet.admit(self.now()))
+            self.log().warning(fmt::format("{} packet{} not recorded: {}", what.count,
+                                           what.count == 1 ? " was" : "s were", what.first),
+                               {{"left_out", std::to_string(*left_out)}});
     }
 
     task<> write_all() {
@@ -220,7 +234,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
             if (!batch.empty() || !why.empty() || flush || close) {
                 if (flush) flushed = self.now();
                 if (close) close_file = false;
-                std::vector<failure> refused;
+                refused_packets refused;
                 result<void> done;
                 auto work = [this, &batch, &why, now = nanoseconds(self.wall()), flush, close, &refused] {
                     return write(batch, why, now, flush, close, refused);
@@ -228,9 +242,8 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
                 done = co_await self.offload(std::move(work));
                 if ((!batch.empty() || !why.empty()) && !close && options.ring > duration{}) close_file = true;
                 queue_size -= batch_bytes;
-                counts.lost += refused.size();
-                for (const auto& one : refused)
-                    self.log().warning(fmt::format("a packet was not recorded: {}", one.message()));
+                counts.lost += refused.count;
+                if (refused.count > 0) note_refused(refused);
                 counts.messages = file.counts().messages;
                 counts.bytes = file.counts().bytes;
                 counts.files = file.counts().files;
@@ -244,7 +257,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
     // The component stops, where nothing can be awaited any more: what has come is written while its loop waits.
     void write_rest() {
         note_unwritten();
-        std::vector<failure> refused;
+        refused_packets refused;
         if (auto done = write(queue, std::exchange(reasons, {}), nanoseconds(self.wall()), true, true, refused); !done)
             self.log().warning(fmt::format("the end of the recording was not written: {}", done.error().message()));
         queue.clear();
@@ -380,8 +393,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
         terms.policy = me->options.policy;
         terms.depth = me->options.depth;
         std::optional<failure> why;
-        auto request = default_packet(service.packet(role::subscribe_request));
-        auto stream = co_await subscribe_dynamic(who, service, std::move(request), terms);
+        auto stream = co_await subscribe_dynamic(who, service, terms);
         if (!stream) {
             me->note_gap(*of, std::nullopt, "no subscription: " + stream.error().message());
             me->end(of->name());

@@ -40,7 +40,7 @@ struct recorder_counts {
     std::uint64_t messages = 0; ///< written
     std::uint64_t bytes = 0;    ///< of the files
     std::uint64_t topics = 0;   ///< services that were recorded
-    std::uint64_t lost = 0;     ///< packets that were not recorded, as the disk or this process was too slow
+    std::uint64_t lost = 0;     ///< packets that were not recorded: the disk was too slow, or no file can have them
     std::uint64_t gaps = 0;     ///< in what came
     std::uint64_t triggered = 0;
     std::vector<std::string> files;

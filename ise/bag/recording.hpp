@@ -147,8 +147,9 @@ public:
     /// Begins the first file, before there is a message. Errors as below, and those of a file that is to be attached
     /// and cannot be read. Later such a file is left out, which the metadata `ise.not_attached` says.
     result<void> begin(timestamp now);
-    /// Writes a message, into a new file where one is due. errc::io_failed, errc::too_large; errc::malformed for a
-    /// packet that does not match its schema, after which others can be written.
+    /// Writes a message, into a new file where one is due. errc::io_failed. After these others can be written:
+    /// errc::malformed for a packet that does not match its schema; errc::too_large for one beyond a limit
+    /// (`protobuf_limits`), or of a service for which this file has no channel left.
     result<void> write(const recorded_message& message);
     /// Adds metadata to the present file; begins one where there is none. Errors as above.
     result<void> note(const std::string& name, const string_map& what, timestamp now);

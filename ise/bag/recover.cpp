@@ -1,5 +1,6 @@
 #include <ise/bag/recover.hpp>
 
+#include <ise/bag/schema_room.hpp>
 #include <ise/core/little_endian.hpp>
 
 #include <algorithm>
@@ -55,19 +56,22 @@ result<std::optional<bytes>> mend_chunk(source& from, std::uint64_t at) {
 
 class copy {
 public:
-    copy(writer& to, recovery& made, summary about) : to_(to), made_(made), about_(std::move(about)) {}
+    copy(const source& from, std::uint64_t max_schema_bytes, writer& to, recovery& made, summary about)
+        : room_(from, max_schema_bytes), to_(to), made_(made), about_(std::move(about)) {}
 
     result<void> take(const record& one) {
         switch (one.op) {
             case opcode::schema: {
                 auto read = parse<schema_record>(one.content);
-                if (!read || read->id == 0 || !schemas_.insert(read->id).second) return {};
+                if (!read || read->id == 0 || schemas_.contains(read->id) || !has_room(one)) return {};
+                schemas_.insert(read->id);
                 return to_.add(std::move(*read));
             }
             case opcode::channel: {
                 auto read = parse<channel_record>(one.content);
                 if (!read || channels_.contains(read->id)) return {};
                 if (read->schema_id != 0 && !schemas_.contains(read->schema_id)) return {};
+                if (!has_room(one)) return {};
                 channels_.insert(read->id);
                 return to_.add(std::move(*read));
             }
@@ -98,7 +102,14 @@ public:
     }
 
 private:
-    // A channel whose own record is damaged.
+    // What the writer keeps. Without room a schema or a channel is left out, as if it were damaged: this is noted once.
+    bool has_room(const record& of) {
+        auto taken = room_.take(of.offset, of.content.size());
+        if (!taken && !std::exchange(full_, true)) made_.damaged_chunks.push_back(taken.error());
+        return static_cast<bool>(taken);
+    }
+
+    // A channel whose own record is damaged; the summary is within the limit, too.
     result<void> describe(std::uint16_t id) {
         auto channel = about_.channels.find(id);
         if (channel == about_.channels.end()) return {};
@@ -113,6 +124,8 @@ private:
         return to_.add(channel->second);
     }
 
+    schema_room room_;
+    bool full_ = false;
     writer& to_;
     recovery& made_;
     summary about_;
@@ -127,7 +140,7 @@ result<recovery> recover(source& from, writer& to, const reader_limits& limits) 
     if (!size) return size.error();
     made.file_bytes = *size;
     auto about = read_summary(from, depth::index, limits);
-    copy into(to, made, about ? std::move(*about) : summary());
+    copy into(from, limits.max_schema_bytes, to, made, about ? std::move(*about) : summary());
     record_reader records(from, limits);
     records.skip_damaged_chunks([&](const failure& why) { made.damaged_chunks.push_back(why); });
     for (;;) {

@@ -14,11 +14,13 @@ struct recovery {
     std::uint64_t messages = 0;
     std::uint64_t attachments = 0;
     std::uint64_t metadata = 0;
-    std::uint64_t left_out = 0;          ///< messages whose channel was described in a damaged part only
-    std::uint64_t file_bytes = 0;        ///< of the damaged file
-    bool complete = false;               ///< nothing was wrong
-    std::optional<failure> end;          ///< why nothing was read after a certain byte
-    std::vector<failure> damaged_chunks; ///< of which only the beginning, or nothing, was recovered
+    std::uint64_t left_out = 0;   ///< messages whose channel was described in a damaged part only
+    std::uint64_t file_bytes = 0; ///< of the damaged file
+    bool complete = false;        ///< nothing was wrong
+    std::optional<failure> end;   ///< why nothing was read after a certain byte
+    /// Of which only the beginning, or nothing, was recovered; and the first schema or channel without room
+    /// (`max_schema_bytes`), which are left out.
+    std::vector<failure> damaged_chunks;
 };
 
 /// Copies every whole record of a file that was cut at any byte, or of which parts are damaged, to `to`, and closes it.

@@ -57,7 +57,7 @@ struct writer::state {
         if (broken) return *broken;
         if (options.chunks) {
             append(chunk, record);
-            return {};
+            return chunk.size() >= options.chunk_bytes ? flush() : result<void>();
         }
         room.clear();
         append(room, record, options.pad);

@@ -232,7 +232,7 @@ void etcd_store::pass_over(route& by, std::size_t member) {
     if (member != by.member) return; // another question has found it out before
     by.member = (by.member + 1) % options_.members.size();
     by.idle.clear(); // the token stays: all members know it
-    if (&by == &asking_ && watching_) watching_->close();
+    if (&by == &asking_) end_watch();
 }
 
 task<result<std::unique_ptr<etcd_store::line>>> etcd_store::dial(std::size_t member, time_point deadline) {
@@ -525,6 +525,10 @@ task<failure> etcd_store::follow(std::uint64_t revision,
             if (!changes.empty()) on_changes(changes, changes.back().entry.changed);
         }
     }
+}
+
+void etcd_store::end_watch() {
+    if (watching_) watching_->close();
 }
 
 } // namespace ise

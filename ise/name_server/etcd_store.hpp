@@ -39,6 +39,8 @@ public:
     task<failure> follow(std::uint64_t revision,
                          std::function<void(const std::vector<store_change>&, std::uint64_t)> on_changes) override;
 
+    void end_watch() override;
+
     static constexpr std::size_t max_answer_bytes = std::size_t{512} << 20;
 
 private:

@@ -7,6 +7,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -15,6 +17,13 @@ namespace {
 
 // The bound that is kept lies this far above the epochs that were granted, so that the disk is seldom asked.
 constexpr std::uint64_t epochs_ahead = std::uint64_t{1} << 20;
+
+// What is asked for by a text that no component can have; before it is kept, or repeated in an answer.
+std::optional<failure> too_long(std::string_view what, const std::string& text, const registry_limits& limits) {
+    if (text.size() <= limits.max_path_bytes) return std::nullopt;
+    return failure(errc::too_large,
+                   fmt::format("a {} of {} bytes, max_path_bytes is {}", what, text.size(), limits.max_path_bytes));
+}
 
 } // namespace
 
@@ -90,16 +99,20 @@ task<> name_server::run() {
 
     if (options_.store) provide_shared_names();
     else provide_own_names();
-    provide(naming::resolve,
-            [this](naming::resolve_request request) { return registry_->resolve(request.path, now()); });
+    provide(naming::resolve, [this](naming::resolve_request request) -> result<naming::resolve_response> {
+        if (auto why = too_long("path", request.path, options_.limits)) return std::move(*why);
+        return registry_->resolve(request.path, now());
+    });
     provide(naming::list, [this](naming::list_request request) {
         auto response = registry_->list(request, now());
         if (shared_) response.trouble = shared_->report();
         return response;
     });
     provide(naming::lost, [this](naming::lost_request request) { return registry_->lost(request.prefix, now()); });
-    provide(naming::describe,
-            [this](naming::describe_request request) { return registry_->describe(request.path, now()); });
+    provide(naming::describe, [this](naming::describe_request request) -> result<naming::describe_response> {
+        if (auto why = too_long("path", request.path, options_.limits)) return std::move(*why);
+        return registry_->describe(request.path, now());
+    });
 
     serve_options many;
     many.concurrent = 20'000; // who waits for a name costs a small coroutine
@@ -116,9 +129,7 @@ task<> name_server::run() {
     publication_callbacks<subscription<naming::name_events, naming::watch_request>> callbacks;
     callbacks.on_subscribe = [this](const naming::watch_request& request,
                                     const subscriber_info& who) -> result<nothing> {
-        if (request.prefix.size() > options_.limits.max_path_bytes)
-            return failure(errc::too_large, fmt::format("a prefix of {} bytes, max_path_bytes is {}",
-                                                        request.prefix.size(), options_.limits.max_path_bytes));
+        if (auto why = too_long("prefix", request.prefix, options_.limits)) return std::move(*why);
         watcher made;
         made.prefix = request.prefix;
         while (made.prefix.ends_with('/')) made.prefix.pop_back();
@@ -285,9 +296,7 @@ void name_server::provide_role_changes() {
     publication_callbacks<subscription<naming::role_members, naming::role_request>> callbacks;
     callbacks.on_subscribe = [this](const naming::role_request& request,
                                     const subscriber_info& who) -> result<nothing> {
-        if (request.role.size() > options_.limits.max_path_bytes)
-            return failure(errc::too_large, fmt::format("a role of {} bytes, max_path_bytes is {}", request.role.size(),
-                                                        options_.limits.max_path_bytes));
+        if (auto why = too_long("role", request.role, options_.limits)) return std::move(*why);
         role_watchers_[who.number] = request.role;
         on().later([this, number = who.number] { // behind the answer
             auto found = role_watchers_.find(number);
@@ -329,6 +338,7 @@ void name_server::welcome(std::uint64_t number) {
 }
 
 task<naming::await_response> name_server::wait_for(std::string path, std::uint64_t other_than, time_point until) {
+    if (auto why = too_long("path", path, options_.limits)) throw error(*why);
     waiter<> present(on());
     timer over(on(), [&present] { present.resume(); });
     over.arm(until);

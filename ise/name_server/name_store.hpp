@@ -74,6 +74,9 @@ public:
     virtual task<failure> follow(std::uint64_t revision,
                                  std::function<void(const std::vector<store_change>&, std::uint64_t)> on_changes) = 0;
 
+    /// Ends `follow`, whose changes do not come any more: it returns as if the connection were lost.
+    virtual void end_watch() = 0;
+
     static constexpr std::size_t max_steps = 100;
     static constexpr duration patience =
         std::chrono::milliseconds(1500); ///< for one answer, where nothing else is said

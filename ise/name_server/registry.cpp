@@ -206,11 +206,13 @@ std::optional<std::string> registry::no_room(const node& from, const naming::com
     const auto& limits = options_.limits;
     auto held = by_path_.find(claim.path);
     const auto* before = held == by_path_.end() ? nullptr : &held->second->second.claim;
-    auto services = services_ + claim.services.size() - (before ? before->services.size() : 0);
-    auto claims_bytes = claims_bytes_ + memory_of(claim) - (before ? memory_of(*before) : 0);
+    auto services = services_ + under_way_.services + claim.services.size() - (before ? before->services.size() : 0);
+    auto claims_bytes = claims_bytes_ + under_way_.bytes + memory_of(claim) - (before ? memory_of(*before) : 0);
     auto names = from.paths.size() + from.lost.size();
-    if (!before && components_.size() >= limits.max_components)
-        return fmt::format("{} names are registered, which is max_components", components_.size());
+    if (auto written = under_way_.by_node.find(from.who.lease_key); written != under_way_.by_node.end())
+        names += written->second;
+    if (auto all = components_.size() + under_way_.names; !before && all >= limits.max_components)
+        return fmt::format("{} names are registered, which is max_components", all);
     if (names >= limits.max_components_per_node && !from.paths.contains(claim.path) && !from.lost.contains(claim.path))
         return fmt::format("{} names of this node are registered or were lost, which is max_components_per_node",
                            names);
@@ -334,10 +336,12 @@ void registry::remove(const std::string& path) {
 std::optional<std::string> registry::objection_to_roles(const naming::component_claim& claim) const {
     for (const auto& [role, priority] : claim.roles) {
         auto known = roles_.find(role);
-        if (known != roles_.end() && known->second.size() >= options_.limits.max_members_per_role &&
-            !known->second.contains(claim.path))
-            return fmt::format("{} components serve the role '{}', which is max_members_per_role", known->second.size(),
-                               role);
+        if (known != roles_.end() && known->second.contains(claim.path)) continue;
+        auto written = under_way_.by_role.find(role);
+        auto members = (known == roles_.end() ? 0 : known->second.size()) +
+                       (written == under_way_.by_role.end() ? 0 : written->second);
+        if (members >= options_.limits.max_members_per_role)
+            return fmt::format("{} components serve the role '{}', which is max_members_per_role", members, role);
     }
     return std::nullopt;
 }
@@ -484,6 +488,38 @@ std::optional<naming::grant> registry::held_by_other(const naming::component_cla
 std::optional<std::string> registry::no_room(const naming::component_claim& claim, std::uint64_t lease_key) const {
     auto known = nodes_.find(lease_key);
     return known == nodes_.end() ? std::nullopt : no_room(known->second, claim);
+}
+
+void registry::claims_under_way::add(const naming::component_claim& claim) {
+    auto held = in_.by_path_.find(claim.path);
+    const auto* before = held == in_.by_path_.end() ? nullptr : &held->second->second.claim;
+    auto growth = [](std::size_t now, std::size_t then) { return now - std::min(now, then); };
+    auto& made = all_.emplace_back();
+    made.claim = &claim;
+    made.names = before ? 0 : 1;
+    made.services = growth(claim.services.size(), before ? before->services.size() : 0);
+    made.bytes = growth(memory_of(claim), before ? memory_of(*before) : 0);
+    auto& all = in_.under_way_;
+    all.names += made.names;
+    all.services += made.services;
+    all.bytes += made.bytes;
+    if (made.names > 0) ++all.by_node[lease_key_];
+    for (const auto& [role, priority] : claim.roles) ++all.by_role[role];
+}
+
+registry::claims_under_way::~claims_under_way() {
+    auto& all = in_.under_way_;
+    auto less = [](auto& numbers, const auto& key) {
+        auto found = numbers.find(key);
+        if (--found->second == 0) numbers.erase(found);
+    };
+    for (const auto& one : all_) {
+        all.names -= one.names;
+        all.services -= one.services;
+        all.bytes -= one.bytes;
+        if (one.names > 0) less(all.by_node, lease_key_);
+        for (const auto& [role, priority] : one.claim->roles) less(all.by_role, role);
+    }
 }
 
 std::vector<naming::name_event> registry::take_changes() { return std::exchange(changes_, {}); }

@@ -89,6 +89,25 @@ public:
                                                time_point now);
     /// Why a claim of a known node has no room now, by the limit's name.
     std::optional<std::string> no_room(const naming::component_claim& claim, std::uint64_t lease_key) const;
+    /// Claims on their way into the store, which the limits count until they are forgotten: by then they are held, or
+    /// were not written. It outlives neither the registry nor the claims.
+    class claims_under_way {
+    public:
+        claims_under_way(registry& in, std::uint64_t lease_key) : in_(in), lease_key_(lease_key) {}
+        ~claims_under_way();
+        claims_under_way(const claims_under_way&) = delete;
+        claims_under_way& operator=(const claims_under_way&) = delete;
+        void add(const naming::component_claim& claim);
+
+    private:
+        struct counted {
+            const naming::component_claim* claim = nullptr;
+            std::size_t names = 0, services = 0, bytes = 0; // more than what is held
+        };
+        registry& in_;
+        std::uint64_t lease_key_;
+        std::vector<counted> all_;
+    };
 
     /// Of what peers choose, with this server's secret.
     const secret_hash& hash() const noexcept { return hash_; }
@@ -193,6 +212,11 @@ private:
     std::set<std::string> changed_roles_;
     std::size_t services_ = 0;
     std::size_t claims_bytes_ = 0;
+    struct {
+        std::size_t names = 0, services = 0, bytes = 0;
+        std::map<std::uint64_t, std::size_t> by_node;
+        std::map<std::string, std::size_t> by_role;
+    } under_way_; // of claims that are being written to a store
     std::uint64_t last_lease_ = 0;
     std::vector<naming::name_event> changes_;
     time_point heard_since_{};

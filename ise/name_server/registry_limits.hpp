@@ -24,6 +24,7 @@ struct registry_limits {
     std::size_t max_path_bytes = 200;                      ///< of one path
     std::size_t max_text_bytes = 512;                      ///< of every other name, state and endpoint
     std::size_t max_listed = 10'000;                       ///< in one answer
+    std::size_t max_listed_bytes = std::size_t{64} << 20;  ///< memory of the claims that one answer lists
     std::size_t max_remembered = 100'000;                  ///< paths whose last epoch is known though nobody holds them
     schema_store_limits schemas;                           ///< of texts
 };

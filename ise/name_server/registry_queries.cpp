@@ -80,16 +80,18 @@ naming::list_response registry::list(const naming::list_request& request, time_p
     naming::list_response response;
     auto most = request.limit == 0 ? options_.limits.max_listed
                                    : std::min<std::size_t>(request.limit, options_.limits.max_listed);
+    std::size_t listed_bytes = 0;
     std::string_view prefix = request.prefix;
     while (prefix.ends_with('/')) prefix.remove_suffix(1);
     auto at = request.after.empty() || request.after < prefix ? components_.lower_bound(prefix)
                                                               : components_.upper_bound(request.after);
     for (; at != components_.end() && std::string_view(at->first).starts_with(prefix); ++at) {
         if (!naming::lies_below(at->first, prefix)) continue; // "atirma2" beside "atirma"
-        if (response.names.size() == most) {
+        if (response.names.size() == most || listed_bytes >= options_.limits.max_listed_bytes) {
             response.more = true;
             break;
         }
+        listed_bytes += memory_of(at->second.claim);
         response.names.push_back(listed(at->second));
         if (const auto& owner = *at->second.owner; !kept_elsewhere(owner))
             response.names.back().lease_age = running_time(now) - owner.renewed;

@@ -15,7 +15,7 @@ namespace {
 
 using naming::verdict;
 
-constexpr std::string_view node_prefix = "node/", name_prefix = "name/", offset_key = "offset";
+constexpr std::string_view node_prefix = "node/", name_prefix = "name/", offset_key = "offset", pulse_key = "pulse";
 constexpr duration tend_period = std::chrono::milliseconds(500);
 // A store that takes longer may delay a node's renewals by as much.
 constexpr duration prompt = std::chrono::milliseconds(500);
@@ -35,6 +35,10 @@ constexpr std::size_t max_writers = 4, max_group_bytes = 512 * 1024;
 constexpr duration fresh = std::chrono::seconds(3);
 // Components whose claims were refused ask again within that time.
 constexpr duration refusal_counts = std::chrono::seconds(10);
+// A watch that was silent for so long must report a key that is written for that: one that has gone mute, as over a
+// connection that a router has forgotten, looks like one of names that do not change. All servers see the same key, so
+// that one of them writes it.
+constexpr duration pulse_period = std::chrono::seconds(10);
 constexpr duration catch_up_time = std::chrono::milliseconds(1500);
 
 struct stored_node { // fields are only ever appended
@@ -65,11 +69,12 @@ naming::grant answer_of(const std::string& path, verdict what, std::string why) 
 shared_names::shared_names(loop& on, environment& env, task_scope& scope, const logger& to, name_store& store,
                            registry& names, std::uint64_t incarnation, std::function<void()> on_change)
     : on_(on), env_(env), scope_(scope), log_(to), store_(store), names_(names), incarnation_(incarnation),
-      on_change_(std::move(on_change)), started_(on.now()), nodes_(0, names.hash()) {
+      on_change_(std::move(on_change)), started_(on.now()), nodes_(0, names.hash()), news_at_(started_) {
     names_.complete(false);
     scope_.spawn("watch of the store", watch(*this));
     scope_.spawn("state of the store", tend(*this));
     scope_.spawn("leases in the store", keep_leases(*this));
+    scope_.spawn("pulse of the watch", pulse(*this));
 }
 
 std::string shared_names::trouble() const {
@@ -169,6 +174,7 @@ task<result<void>> shared_names::read_all() {
 void shared_names::apply(const std::vector<store_change>& changes, std::uint64_t revision) {
     for (const auto& one : changes) apply(one);
     revision_ = std::max(revision_, revision);
+    news_at_ = on_.now();
     heard();
     on_change_();
     for (auto* one : catching_up_) one->resume();
@@ -176,6 +182,7 @@ void shared_names::apply(const std::vector<store_change>& changes, std::uint64_t
 
 void shared_names::apply(const store_change& change) {
     std::string_view key = change.entry.key;
+    if (key == pulse_key) pulse_ = change.gone ? 0 : change.entry.changed;
     try {
         if (key.starts_with(node_prefix)) {
             if (change.gone) lose_node(std::stoull(std::string(key.substr(node_prefix.size())), nullptr, 16));
@@ -336,8 +343,10 @@ task<> shared_names::write_queue(shared_names& self) {
 task<> shared_names::catch_up(std::uint64_t revision) {
     auto until = saturating_add(on_.now(), catch_up_time);
     while (revision_ < revision) {
-        if (on_.now() >= until)
+        if (on_.now() >= until) {
+            store_.end_watch(); // the next one begins where this one has gone mute
             give_up(failure(errc::timed_out, fmt::format("changes up to {} have not arrived", revision)));
+        }
         waiter<> news(on_);
         timer late(on_, [&news] { news.resume(); });
         late.arm(until);
@@ -435,6 +444,7 @@ task<naming::register_response> shared_names::enroll(naming::register_request re
     std::vector<step_of> writes;
     std::vector<store_step> erasures; // of a former life: the next one has a higher epoch
     std::set<std::string> seen;
+    registry::claims_under_way under_way(names_, lease_key);
     for (auto& claim : request.components) {
         auto& answer = response.grants.emplace_back();
         answer.path = claim.path;
@@ -476,6 +486,7 @@ task<naming::register_response> shared_names::enroll(naming::register_request re
             }
         }
         writes.push_back(std::move(step));
+        under_way.add(claim);
     }
     if (!erasures.empty()) co_await write(std::move(erasures));
     std::vector<store_step> steps;
@@ -626,6 +637,28 @@ task<> shared_names::tend(shared_names& self) {
                 if (one.what.server == self.incarnation_ && one.ending) dead.push_back(key);
         for (auto key : dead) co_await end_node(self, key);
         co_await sleep_for(self.on_, tend_period);
+    }
+}
+
+task<> shared_names::pulse(shared_names& self) {
+    while (!self.scope_.stopping()) {
+        const std::chrono::milliseconds own_time(static_cast<std::int64_t>(self.env_.random() % 2000));
+        auto silent_since = std::max(self.news_at_, self.pulsed_at_);
+        co_await sleep_until(self.on_, saturating_add(silent_since, pulse_period + own_time));
+        if (self.on_.now() - self.news_at_ < pulse_period) continue;
+        self.pulsed_at_ = self.on_.now();
+        if (!self.read_ || !self.store_answers_) continue;
+        store_step step;
+        step.key = pulse_key;
+        step.value = fmt::format("{:016x}", self.incarnation_);
+        step.expected = self.pulse_;
+        std::vector<store_step> steps(1, step);
+        try {
+            co_await self.write(std::move(steps));
+        } catch (const error& mute) {
+            if (mute.code() == errc::cancelled) throw;
+            self.log_.debug("the watch of the store is silent", {{"cause", std::string(mute.what())}});
+        }
     }
 }
 

@@ -83,6 +83,7 @@ private:
     static task<> watch(shared_names& self);
     static task<> tend(shared_names& self);
     static task<> keep_leases(shared_names& self);
+    static task<> pulse(shared_names& self);
     static task<> keep_lease(shared_names& self, std::uint64_t lease_key, std::uint64_t number);
     static task<> end_node(shared_names& self, std::uint64_t lease_key);
     task<result<void>> read_all();
@@ -134,6 +135,9 @@ private:
     std::list<std::shared_ptr<queued_write>> queue_;
     std::size_t writers_ = 0; // that empty it
     std::vector<waiter<>*> catching_up_;
+    time_point news_at_;      // by the watch
+    time_point pulsed_at_{};  // written here
+    std::uint64_t pulse_ = 0; // `changed` of its key
 };
 
 } // namespace ise

@@ -274,4 +274,16 @@ task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract
     co_return std::move(made);
 }
 
+task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract service, subscribe_options options) {
+    if (auto wrong = check_kind(provider, service, service_kind::subscription)) co_return std::move(*wrong);
+    std::optional<dynamic_packet> request;
+    try {
+        request.emplace(default_packet(service.packet(role::subscribe_request)));
+    } catch (const error& none) {
+        co_return none.why();
+    }
+    auto made = co_await subscribe_dynamic(std::move(provider), std::move(service), std::move(*request), options);
+    co_return std::move(made);
+}
+
 } // namespace ise

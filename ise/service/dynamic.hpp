@@ -46,7 +46,8 @@ private:
     std::shared_ptr<const packet_types> types_;
 };
 
-/// A packet of this schema with the defaults of all fields.
+/// A packet of this schema with the defaults of all fields. Throws errc::type_mismatch for a schema that is no struct,
+/// and errc::too_large for defaults that exceed `decode_limits`: a schema of a peer may be either.
 dynamic_packet default_packet(const schema& of);
 
 /// Calls and waits for the response, at most `deadline` (zero: the component's default). The failures are those of
@@ -102,6 +103,10 @@ private:
 /// The stream continues to adapt packets to `service` when the provider restarts with compatible packets.
 /// Cancellation: terminal, unsubscribes.
 task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract service, dynamic_packet request,
+                                               subscribe_options options = subscribe_options());
+/// The same with the defaults of the subscribe packet. Fails also where it has none; see `default_packet`. Cancellation:
+/// terminal, unsubscribes.
+task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract service,
                                                subscribe_options options = subscribe_options());
 
 /// A run of an action whose packets are known at run time only; see `action_run`.

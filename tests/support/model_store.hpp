@@ -35,6 +35,7 @@ struct model_cluster {
     std::set<std::string> answers_lost;           ///< what they write is done, and they do not hear of it
     std::map<std::string, ise::duration> latency; ///< of one way; who waits less long for an answer gives up
     bool full = false;                            ///< NOSPACE: nothing is written
+    std::set<std::string> mute;                   ///< name servers whose present watch reports nothing any more
 
     void gone(const std::string& key) {
         ise::store_change made;
@@ -170,7 +171,15 @@ public:
     ise::task<ise::failure> follow(
         std::uint64_t revision,
         std::function<void(const std::vector<ise::store_change>&, std::uint64_t)> on_changes) override {
+        bool mute = false;
+        watch_ended_ = false;
         for (;;) {
+            if (watch_ended_) co_return ise::failure(ise::errc::peer_lost, "the watch was ended");
+            if (of_.mute.erase(who_) > 0) mute = true;
+            if (mute) {
+                co_await ise::sleep_for(on_, std::chrono::milliseconds(5));
+                continue;
+            }
             const auto until = on_.now() + patience;
             auto way = co_await reach(until);
             if (!way) co_return way.error();
@@ -188,6 +197,8 @@ public:
             co_await ise::sleep_for(on_, std::chrono::milliseconds(5));
         }
     }
+
+    void end_watch() override { watch_ended_ = true; }
 
 private:
     static ise::failure timed_out(const char* why) { return ise::failure(ise::errc::timed_out, why); }
@@ -216,6 +227,7 @@ private:
     model_cluster& of_;
     ise::loop& on_;
     std::string who_;
+    bool watch_ended_ = false;
 };
 
 } // namespace ise_test

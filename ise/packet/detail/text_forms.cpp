@@ -1,3 +1,4 @@
+#include <ise/core/readable.hpp>
 #include <ise/core/time_text.hpp>
 #include <ise/packet/detail/text_forms.hpp>
 
@@ -193,6 +194,22 @@ bool is_utf8(std::string_view text) noexcept {
     return true;
 }
 
+void append_json_letter(std::string& out, std::string_view& text) {
+    const std::size_t length = std::max<std::size_t>(sequence_length(text), 1);
+    const auto first = static_cast<unsigned char>(text[0]);
+    if (sequence_length(text) == 0) {
+        out += "\xef\xbf\xbd";
+    } else if (readable_length(text) > 0) {
+        out += text.substr(0, length);
+    } else {
+        std::uint32_t letter = length == 1 ? first : first & (0x7fu >> length);
+        for (std::size_t i = 1; i < length; ++i) letter = letter << 6 | (static_cast<unsigned char>(text[i]) & 0x3fu);
+        if (letter < 0x10000) out += fmt::format("\\u{:04x}", letter);
+        else out += fmt::format("\\u{:04x}\\u{:04x}", 0xd7c0 + (letter >> 10), 0xdc00 + (letter & 0x3ff));
+    }
+    text.remove_prefix(length);
+}
+
 void append_json_string(std::string& out, std::string_view text) {
     auto plain = [](char c) { return c >= ' ' && c <= '~' && c != '"' && c != '\\'; };
     out += '"';
@@ -201,15 +218,14 @@ void append_json_string(std::string& out, std::string_view text) {
         out += text.substr(0, run);
         text.remove_prefix(run);
         if (text.empty()) break;
-        std::size_t length = sequence_length(text);
-        char c = text[0];
-        if (length == 0) out += "\xef\xbf\xbd";
-        else if (c == '"' || c == '\\') out += '\\', out += c;
-        else if (c == '\n') out += "\\n";
-        else if (c == '\t') out += "\\t";
-        else if (static_cast<unsigned char>(c) < 0x20) out += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
-        else out += text.substr(0, length);
-        text.remove_prefix(std::max<std::size_t>(length, 1));
+        const char c = text[0];
+        if (c == '"' || c == '\\' || c == '\n' || c == '\t') {
+            out += '\\';
+            out += c == '\n' ? 'n' : c == '\t' ? 't' : c;
+            text.remove_prefix(1);
+        } else {
+            append_json_letter(out, text);
+        }
     }
     out += '"';
 }

@@ -15,7 +15,10 @@ std::optional<bytes> from_base64(std::string_view text);
 
 /// Whether a text is UTF-8 as it should be.
 bool is_utf8(std::string_view text) noexcept;
-/// Appends a JSON string with its quotes; what is no UTF-8 becomes U+FFFD.
+/// Moves a character from the start of `text` to a JSON string: what is no UTF-8 becomes U+FFFD, and what a terminal
+/// obeys or does not show (`readable_length`) \uXXXX.
+void append_json_letter(std::string& out, std::string_view& text);
+/// Appends a JSON string with its quotes, by these letters.
 void append_json_string(std::string& out, std::string_view text);
 /// The shortest digits that read back as the same number; "NaN", "Infinity", "-Infinity" in quotes.
 void append_json_number(std::string& out, double value);

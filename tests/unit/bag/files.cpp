@@ -240,6 +240,40 @@ TEST_CASE("a chunk that decompresses to more than it says, or may, is refused", 
     CHECK(about.damage->message().find("max_chunk_bytes") != std::string::npos);
 }
 
+TEST_CASE("a file with schemas beyond max_schema_bytes is recovered without these", "[bag]") {
+    bytes file;
+    writer_options how;
+    how.level = 3;
+    auto out = writer::make(memory_sink(file), how).value();
+    auto add = [&](const std::string& topic, std::size_t schema_bytes) {
+        bytes text(schema_bytes);
+        auto schema = out.add_schema(topic, "", text).value();
+        message_record one;
+        one.channel_id = out.add_channel(schema, topic, "text").value();
+        one.data = as_bytes("message");
+        out.write(one).value();
+    };
+    add("small", 100);
+    for (int i = 0; i < 40; ++i) add("large " + std::to_string(i), 100'000);
+    add("small too", 100);
+    out.close().value();
+    reader_limits limits;
+    limits.max_schema_bytes = 1'000'000;
+    auto from = memory_source(file);
+    bytes mended;
+    auto to = writer::make(memory_sink(mended), how).value();
+    auto got = recover(*from, to, limits).value();
+    CHECK(got.messages == 11);
+    CHECK(got.left_out == 31);
+    REQUIRE(got.damaged_chunks.size() == 1);
+    CHECK(got.damaged_chunks[0].message().find("max_schema_bytes") != std::string::npos);
+    auto there = memory_source(mended);
+    auto about = read_summary(*there, depth::whole, limits).value();
+    CHECK(about.complete);
+    CHECK(!about.damage);
+    CHECK(about.channels.size() == 11);
+}
+
 TEST_CASE("a file that is no recording is refused with its name", "[bag]") {
     auto from = memory_source(as_bytes("version https://git-lfs.github.com/spec/v1"), "pointer.mcap");
     auto got = read_summary(*from);

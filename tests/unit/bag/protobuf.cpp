@@ -198,3 +198,66 @@ TEST_CASE("no byte of a packet or a message that is changed harms the conversion
         [[maybe_unused]] auto got = type.decode(changed);
     }
 }
+
+TEST_CASE("values without bytes do not multiply a packet or a message without bound", "[bag]") {
+    auto beyond = [](const auto& got, std::string_view limit) {
+        REQUIRE(!got);
+        INFO(got.error().message());
+        CHECK(got.error().code() == errc::too_large);
+        CHECK(got.error().message().find(limit) != std::string::npos);
+    };
+    buffer out;
+    for (std::string text : {"struct p{a:array<array<struct e{},65536>,65536>}",
+                             "struct p{a:array<array<array<struct e{},60000>,60000>,60000>}"}) {
+        protobuf_type type(schema::parse(text).value());
+        beyond(type.encode(bytes_view(), out, false), "max_empty_values");
+        beyond(type.decode(bytes_view()), "max_empty_values");
+    }
+    constexpr std::uint32_t count = 8192; // vectors, the first of which has as many elements as bytes follow it
+    buffer packet;
+    packet.append(count);
+    for (std::uint32_t i = 0; i < count; ++i) packet.append((count - 1 - i) * 4);
+    protobuf_type quadratic(schema::parse("struct p{a:vector<vector<struct{}>>}").value());
+    beyond(quadratic.encode(packet.view(), out, false), "max_empty_values");
+    // A byte that is wrapped in many messages.
+    std::string text = "bool";
+    for (int i = 0; i < 60; ++i) text = "struct s{a:" + text + "}";
+    protobuf_type deep(schema::parse("struct p{a:vector<" + text + ">}").value());
+    packet.clear();
+    packet.append(std::uint32_t{1} << 16);
+    packet.append(bytes(std::size_t{1} << 16, std::byte{1}));
+    protobuf_limits limits;
+    limits.max_message_bytes = std::size_t{1} << 20;
+    beyond(deep.encode(packet.view(), out, false, limits), "max_message_bytes");
+    protobuf_type blob(schema::parse("struct p{a:vector<u8>}").value());
+    packet.clear();
+    packet.append(std::uint32_t{1} << 19);
+    packet.append(bytes(std::size_t{1} << 19));
+    CHECK(blob.encode(packet.view(), out, false, limits));
+    beyond(blob.encode(packet.view(), out, true, limits), "max_message_bytes");
+    // What programs have: alternatives and elements without fields, one for each byte or for none.
+    out.clear();
+    protobuf_type many(schema::parse("struct p{a:vector<struct e{}>}").value());
+    packet.clear();
+    packet.append(std::uint32_t{65536});
+    CHECK(many.encode(packet.view(), out, false));
+    CHECK(many.decode(out.view()).value() == packet.to_bytes());
+}
+
+TEST_CASE("a message of many fields takes no memory for each of them", "[bag]") {
+    protobuf_type type(schema::parse("struct p{a:u8,b:u8,c:vector<string>}").value());
+    auto message_of = [](std::initializer_list<unsigned char> part, std::size_t times) {
+        bytes made;
+        for (std::size_t i = 0; i < times; ++i)
+            for (auto one : part) made.push_back(std::byte{one});
+        return made;
+    };
+    // The last counts, and fields of several kinds may take turns, but not without end.
+    CHECK(hex(type.decode(message_of({0x08, 7}, 200'000)).value()) == "070000000000");
+    auto turns = message_of({0x10, 1, 0x1a, 0, 0x08, 2}, 1000);
+    CHECK(type.decode(turns).value().size() == 2 + 4 + 1000 * 4);
+    auto endless = type.decode(message_of({0x08, 7, 0x10, 7}, 40'000));
+    REQUIRE(!endless);
+    CHECK(endless.error().code() == errc::too_large);
+    CHECK(endless.error().message().find("max_runs") != std::string::npos);
+}

@@ -11,6 +11,7 @@
 #include <ise/service/action_runs.hpp>
 
 #include <support/catch.hpp>
+#include <unit/name_server/odd_service.hpp>
 #include <unit/name_server/system.hpp>
 
 #include <cstdint>
@@ -274,6 +275,29 @@ TEST_CASE("what does not find room on the way to the disk is counted in the file
         CHECK(event.reason.find("queue_bytes") != std::string::npos);
     }
     CHECK(lost > 30);
+}
+
+TEST_CASE("services that nobody can subscribe to, or whose packets no file can have, do not end a recording", "[bag]") {
+    const std::string nothing = "struct p{}";
+    const std::string huge = "struct p{a:array<array<struct e{},65536>,65536>}"; // a packet of 0 bytes
+    auto odd = GENERATE_COPY(std::pair(std::string("u8"), nothing), std::pair(std::string("vector<u8>"), nothing),
+                             std::pair(nothing, huge));
+    CAPTURE(odd.first, odd.second);
+    folder tmp;
+    voyage sea(recording_to(tmp.file("a.mcap")));
+    start_odd_service(sea.in, "strange", "atirma/boat/odd", odd.first, odd.second);
+    sea.sail();
+    for (const auto& report : sea.recording->reports()) CHECK(report.failure.empty());
+    read_back got(tmp.file("a.mcap"));
+    CHECK(got.about.complete);
+    CHECK(got.all["atirma/boat/count"].size() > 30);
+    if (odd.second == nothing) {
+        auto gap = decode<bag::gap_event>(got.all["ise/gaps"].at(0));
+        CHECK(gap.component == "atirma/boat/odd");
+        CHECK(gap.reason.starts_with("no subscription: "));
+    } else {
+        CHECK(got.all["atirma/boat/odd/odd"].empty());
+    }
 }
 
 TEST_CASE("a ring is written with what came before its trigger", "[bag]") {

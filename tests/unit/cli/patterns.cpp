@@ -2,9 +2,11 @@
 #include <apps/ise/exit_code.hpp>
 #include <apps/ise/packet_lines.hpp>
 #include <apps/ise/pattern.hpp>
+#include <apps/ise/text.hpp>
 
 #include <ise/core/counted.hpp>
 #include <ise/packet/dynamic.hpp>
+#include <ise/packet/json.hpp>
 #include <ise/subscription/received.hpp>
 
 #include <support/catch.hpp>
@@ -130,6 +132,35 @@ TEST_CASE("cli: packets as CSV have a column for each field, and quotes where th
     how.fields = {"number"};
     CHECK(csv_heading(how, ise::schema_of<sample>(), true) == "component,service,published_at,lost_before,number\n");
     CHECK(packet_line(how, as_received(what, 2, noon), {"a", "b"}) == "a,b,2026-05-01T12:00:00.000000042Z,2,7\n");
+}
+
+TEST_CASE("cli: texts of packets obey no terminal") {
+    const std::string commands = "\x1b]0;x\x07\x7f\xc2\x9b[2J\xe2\x80\xae\xf3\xa0\x80\xa1\xff\xc3\xa9";
+    sample what{7, {12.5, commands}, sail::up, {}, {}, {}};
+    auto packet = as_received(what);
+    packet_format how;
+    how.fields = {"at.from"};
+    const auto json = packet_line(how, packet, {});
+    CHECK(json == R"("\u001b]0;x\u0007\u007f\u009b[2J\u202e\udb40\udc21)"
+                  "\xef\xbf\xbd\xc3\xa9\"\n");
+    CHECK(ise::from_json<wind>("{\"from\":" + json + "}").from ==
+          "\x1b]0;x\x07\x7f\xc2\x9b[2J\xe2\x80\xae\xf3\xa0\x80\xa1\xef\xbf\xbd\xc3\xa9");
+    how.csv = true;
+    CHECK(packet_line(how, packet, {}) == commands + "\n"); // a program reads what was sent
+    how.terminal = true;
+    const auto csv = packet_line(how, packet, {"a\x1b", "b"});
+    CHECK(csv == printable(csv, true));
+    how.fields = {commands};
+    const auto heading = csv_heading(how, ise::schema_of<sample>(), true);
+    CHECK(heading == printable(heading, true));
+}
+
+TEST_CASE("cli: JSON of others is one line without what a terminal obeys") {
+    CHECK(readable_json("{\"a\":\n[1.50,\t\"\xc2\x9b\x7f\xc3\xa9\"]}\r") ==
+          "{\"a\": [1.50, \"\\u009b\\u007f\xc3\xa9\"]} ");
+    for (std::string wrong : {"\x1b[2J", "{\"a\":\"\x1b[2J\"}", "\"\xff\"", "1 2", ""})
+        CHECK(readable_json(wrong) == "null");
+    CHECK(readable_json(std::string(100'000, '[') + std::string(100'000, ']')).size() == 200'000);
 }
 
 TEST_CASE("cli: a field that packets do not have is refused with those that they have") {

@@ -14,6 +14,7 @@
 
 #include <support/catch.hpp>
 #include <unit/http/web_socket_client.hpp>
+#include <unit/name_server/odd_service.hpp>
 #include <unit/name_server/system.hpp>
 
 #include <nlohmann/json.hpp>
@@ -180,6 +181,26 @@ TEST_CASE("a component that goes takes its channels along, and brings them back 
     auto before = viewer.data().size();
     viewer.subscribe(7, "atirma/boat/count"); // the number of the subscription is free
     REQUIRE(here.until([&] { return viewer.data().size() > before + 5; }));
+}
+
+TEST_CASE("services that nobody can subscribe to, or whose packets are endless, do not end the gateway") {
+    const std::string nothing = "struct p{}";
+    const std::string huge = "struct p{a:array<array<struct e{},65536>,65536>}"; // a packet of 0 bytes
+    auto odd = GENERATE_COPY(std::pair(std::string("u8"), nothing), std::pair(nothing, huge));
+    CAPTURE(odd.first, odd.second);
+    coast here;
+    start_odd_service(here.in, "strange", "atirma/odd", odd.first, odd.second);
+    auto& viewer = here.watch();
+    here.subscribe(viewer);
+    REQUIRE(here.until([&] { return viewer.has_channel("atirma/odd/odd"); }));
+    viewer.subscribe(8, "atirma/odd/odd");
+    auto told = [&] {
+        return std::ranges::any_of(here.in.warnings,
+                                   [](const auto& one) { return one.find("atirma/odd/odd") != one.npos; });
+    };
+    REQUIRE(here.until(told));
+    auto before = viewer.data().size();
+    REQUIRE(here.until([&] { return viewer.data().size() > before + 20; }));
 }
 
 TEST_CASE("after an outage between boat and gateway the first packet is of now") {

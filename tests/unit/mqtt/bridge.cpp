@@ -4,6 +4,7 @@
 #include <ise/database/database.hpp>
 
 #include <support/catch.hpp>
+#include <unit/name_server/odd_service.hpp>
 #include <unit/name_server/system.hpp>
 
 #include <nlohmann/json.hpp>
@@ -109,6 +110,11 @@ broker_connector connector_to(std::shared_ptr<model_broker> to) {
         co_return made;
     };
 }
+
+struct words {
+    std::string value;
+};
+inline constexpr ise::subscription<words> text{"text"};
 
 struct coast {
     explicit coast(std::uint64_t seed = 1, std::vector<std::string> queued = {"count"}) : in(true, seed) {
@@ -252,6 +258,34 @@ TEST_CASE("of other services the latest counts: after an outage it is there at o
     CHECK(status.back().what.payload == "online");
 }
 
+TEST_CASE("of the newest packets of all services only so many bytes wait, and the others are counted") {
+    coast here(1, {});
+    here.bridge->crash();
+    here.options.queue.newest_bytes = 10'000;
+    here.bridge = &here.bridge->restart();
+    here.broker->away = true;
+    std::vector<std::string> topics;
+    for (int n = 0; n < 8; ++n) {
+        auto name = "chart" + std::to_string(n);
+        topics.push_back("ise/out/test/" + name + "/text");
+        here.in.start_body("boat", name, [](ise::component& self) -> ise::task<> {
+            auto out = self.publish(text);
+            for (;;) {
+                co_await self.sleep(1s);
+                words packet{std::string(2'000, 'x')};
+                out(packet);
+            }
+        });
+    }
+    here.run(1min);
+    here.broker->away = false;
+    REQUIRE(here.until([&] { return here.last() > 0; }));
+    here.run(100ms);
+    auto sent = std::ranges::count_if(topics, [&](const auto& one) { return !here.broker->of(one).empty(); });
+    CHECK(sent == 4);
+    CHECK(std::ranges::any_of(here.in.warnings, [](const auto& one) { return one.find("newest_bytes") != one.npos; }));
+}
+
 TEST_CASE("what the broker does not want now is sent again, what it never wants is counted and told") {
     coast here;
     here.broker->refuses = [n = 0](const message& what, bool& later) mutable -> std::optional<ise::failure> {
@@ -287,6 +321,29 @@ TEST_CASE("a component that goes takes its retained packets with it") {
     other.crash();
     REQUIRE(here.until([&] { return here.broker->of(topic).back().what.payload.empty(); }, 5min));
     CHECK(here.broker->of(topic).back().what.retain);
+}
+
+TEST_CASE(
+    "services that nobody can subscribe to, or whose packets are endless in JSON and protobuf, do not end the bridge") {
+    const std::string nothing = "struct p{}";
+    const std::string huge = "struct p{a:array<array<struct e{},65536>,65536>}"; // a packet of 0 bytes
+    auto odd = GENERATE_COPY(std::pair(std::string("u8"), nothing), std::pair(nothing, huge));
+    auto protobuf = GENERATE(false, true);
+    CAPTURE(odd.first, odd.second, protobuf);
+    coast here;
+    here.bridge->crash();
+    here.options.protobuf = protobuf;
+    here.bridge = &here.bridge->restart();
+    start_odd_service(here.in, "strange", "atirma/odd", odd.first, odd.second);
+    here.run(10s);
+    auto told =
+        std::ranges::any_of(here.in.warnings, [](const auto& one) { return one.find("atirma/odd/odd") != one.npos; });
+    CHECK(told);
+    CHECK(here.bridge->running());
+    auto before = here.broker->of(here.topic).size();
+    here.run(5s);
+    CHECK(here.broker->of(here.topic).size() > before + 20);
+    CHECK(here.broker->of("ise/out/atirma/odd/odd").empty());
 }
 
 TEST_CASE("wrong options end the bridge with a reason") {

@@ -106,6 +106,27 @@ TEST_CASE("registry: a list is told in parts of max_listed, whatever is asked fo
     CHECK_FALSE(part.more);
 }
 
+TEST_CASE("registry: a list is told in parts of max_listed_bytes, and each has a name at least") {
+    ise::registry_limits limits;
+    limits.max_listed_bytes = 40'000;
+    ise::registry names(options(limits), 1, start, noon);
+    for (int i = 0; i < 5; ++i) {
+        auto request = request_of(1, fmt::format("c{}", i));
+        const std::size_t endpoints = i == 3 ? 64 : 30; // of 512 bytes each
+        for (std::size_t n = 0; n < endpoints; ++n) request.components[0].endpoints.emplace_back(512, 'e');
+        REQUIRE(names.enroll(request, start).grants.at(0).what == verdict::granted);
+    }
+    ise::naming::list_request request;
+    std::vector<std::size_t> parts;
+    for (bool more = true; more;) {
+        auto part = names.list(request, start);
+        parts.push_back(part.names.size());
+        request.after = part.names.back().path;
+        more = part.more;
+    }
+    CHECK(parts == std::vector<std::size_t>{3, 2});
+}
+
 TEST_CASE("registry: of names that nobody holds max_remembered keep their epoch, and the others get a higher one") {
     ise::registry_limits limits;
     limits.max_remembered = 2;

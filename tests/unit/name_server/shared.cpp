@@ -16,13 +16,15 @@ namespace {
 
 class shared_system {
 public:
-    explicit shared_system(std::size_t servers = 3, std::uint64_t seed = 1) : world(seed) {
+    explicit shared_system(std::size_t servers = 3, std::uint64_t seed = 1,
+                           ise::registry_limits limits = ise::registry_limits())
+        : world(seed) {
         cluster.clock = [this] { return world.now(); };
         for (std::size_t i = 0; i != servers; ++i) {
             auto host = fmt::format("ns{}", i);
             list += (i == 0 ? "tcp://" : ",tcp://") + world.host(host).address() + ":7400";
             names.push_back(nullptr);
-            process.push_back(&world.host(host).start_process("names", [this, i, host](ise::sim::process& env) {
+            process.push_back(&world.host(host).start_process("names", [this, i, host, limits](ise::sim::process& env) {
                 auto options = node_options();
                 options.use_names = false;
                 auto made = std::make_shared<program>(env, std::move(options));
@@ -30,6 +32,7 @@ public:
                 where.listen = {ise::endpoint::parse("tcp://0.0.0.0:7400").value()};
                 where.registers = false;
                 ise::name_server_options terms;
+                terms.limits = limits;
                 terms.store = [this, host](ise::environment&, ise::loop& on) {
                     return std::make_unique<ise_test::model_store>(cluster, on, host);
                 };
@@ -423,6 +426,68 @@ TEST_CASE("shared names: a watch that a compaction has overtaken reads everythin
     it.cluster.cut_off.clear();
     CHECK(it.world.run_until([&] { return it.epoch_at(2, "atirma/other") != 0; }, 5s));
     CHECK(it.epoch_at(2, "atirma/doubler") == 0);
+}
+
+TEST_CASE("shared names: a watch that goes mute is noticed, whether or not its name server writes anything") {
+    shared_system it;
+    it.start_doubler("boat", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
+    it.cluster.mute = {"ns0", "ns1", "ns2"};
+    it.world.run_for(100ms);
+    CHECK(it.cluster.mute.empty());
+    it.start_doubler("other", "atirma/other");
+    CHECK(it.world.run_until([&] { return it.held_everywhere("atirma/other"); }, 30s));
+    it.world.run_for(10min); // nothing is written but the pulse, by one of them
+    const auto before = it.cluster.transactions;
+    it.world.run_for(100s);
+    CHECK(it.cluster.transactions - before <= 12);
+}
+
+TEST_CASE("shared names: the claims of one request, and of requests at once, count together against the limits") {
+    ise::registry_limits limits;
+    limits.max_components_per_node = 10;
+    limits.max_members_per_role = 4;
+    shared_system it(1, 1, limits);
+    std::map<ise::naming::verdict, int> verdicts;
+    int answers = 0;
+    it.start("stranger", "stranger", [&](ise::node& node) {
+        auto ask = [&](ise::component& self) -> ise::task<> {
+            for (int n = 0; n < 4; ++n) {
+                self.spawn("claim",
+                           [](ise::component& by, int number, std::string list, int& done,
+                              std::map<ise::naming::verdict, int>& what) -> ise::task<> {
+                               auto server = by.at(ise::endpoint::parse(list).value());
+                               ise::naming::register_request request;
+                               request.node.lease_key = 99;
+                               request.lease = 2s;
+                               for (int i = 0; i < 8; ++i) {
+                                   auto& claim = request.components.emplace_back();
+                                   claim.path = fmt::format("strange/{}/{}", number, i);
+                                   claim.incarnation = 1;
+                                   if (i % 2 == 0) claim.roles["strange/role"] = i;
+                               }
+                               co_await by.sleep(1s);
+                               auto got = co_await server.try_call(ise::naming::enroll, request, 10s);
+                               ++done;
+                               if (!got) co_return;
+                               for (const auto& one : got->grants) ++what[one.what];
+                           }(self, n, it.list, answers, verdicts));
+            }
+            for (;;) co_await self.sleep(1h);
+        };
+        node.start("", ask);
+    });
+    REQUIRE(it.world.run_until([&] { return answers == 4; }, 30s));
+    std::size_t held = 0, serving = 0;
+    for (const auto& event : it.names[0]->names()->snapshot("strange")) {
+        ++held;
+        serving += event.name.roles.size();
+    }
+    CHECK(held <= 10);
+    CHECK(held > 3);
+    CHECK(serving <= 4);
+    CHECK(verdicts[ise::naming::verdict::granted] == static_cast<int>(held));
+    CHECK(verdicts[ise::naming::verdict::wait] > 0);
 }
 
 TEST_CASE("shared names: a store without space grants nothing new, says so, and loses nothing") {

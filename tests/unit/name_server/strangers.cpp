@@ -124,6 +124,39 @@ TEST_CASE("strangers: a component that starts while there is no room is register
     CHECK(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 5s));
 }
 
+TEST_CASE("strangers: a path that no component can have is neither waited for nor repeated in an answer") {
+    names_test::system it;
+    it.start_doubler("boat", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.holds("atirma/doubler"); }, 5s));
+    std::vector<ise::failure> answers;
+    ise::duration took{};
+    it.start_body("stranger", "stranger", [&](ise::component& self) -> ise::task<> {
+        auto server = name_server_of(self);
+        const std::string path(std::size_t{8} << 20, 'a');
+        ise::naming::await_request wait;
+        ise::naming::resolve_request find;
+        ise::naming::describe_request about;
+        wait.path = find.path = about.path = path;
+        wait.wait = 10s;
+        const auto began = self.now();
+        auto waited = co_await server.try_call(ise::naming::wait_for, wait, 20s);
+        auto found = co_await server.try_call(ise::naming::resolve, find, 20s);
+        auto described = co_await server.try_call(ise::naming::describe, about, 20s);
+        took = self.now() - began;
+        if (!waited) answers.push_back(waited.error());
+        if (!found) answers.push_back(found.error());
+        if (!described) answers.push_back(described.error());
+    });
+    it.world.run_for(60s);
+    REQUIRE(answers.size() == 3);
+    for (const auto& one : answers) {
+        CHECK(one.code() == ise::errc::too_large);
+        CHECK(one.message().find("a path of 8388608 bytes, max_path_bytes is 200") != std::string::npos);
+        CHECK(one.message().size() < 500);
+    }
+    CHECK(took < 10s);
+}
+
 TEST_CASE("strangers: numbers that are chosen to collide are spread over the name server's tables") {
     constexpr std::size_t count = 1 << 15;
     const auto longest = [](auto table) {
