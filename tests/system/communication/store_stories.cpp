@@ -171,6 +171,26 @@ TEST_CASE(
     CHECK(it.state(one).trouble == "");
 }
 
+TEST_CASE("communication: a node that is started on the file of another waits for it, and harms nothing") {
+    disks it;
+    it.feed(20, 2);
+    communication_node* third = nullptr;
+    it.names.start("third", "third", [&](ise::node& node) {
+        auto options = it.terms;
+        options.file = it.disk_of(one);
+        third = &node.start<communication_node>("shore/third", names_test::everywhere(), std::move(options));
+    });
+    it.world.run_for(20s);
+    it.feed(20, 2);
+    CHECK(it.set_aside(one).empty());
+    CHECK(it.state(one).store_notice.empty());
+    CHECK(it.state(one).trouble.empty());
+    CHECK_FALSE(third->how().serving);
+    it.crash(one);
+    CHECK(it.until([&] { return third->how().packets == 40; }, 30s));
+    CHECK(it.set_aside(one).empty());
+}
+
 TEST_CASE("communication: a file that is none any more is set aside at the start, and filled from the other node") {
     disks it;
     it.feed(60, 2);
