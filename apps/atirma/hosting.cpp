@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdlib>
 #include <optional>
+#include <set>
 #include <sstream>
 #include <string_view>
 
@@ -20,6 +21,8 @@ constexpr std::size_t max_boats = 1000;
 // Each boat has its own.
 constexpr std::array<std::string_view, 6> of_each_boat{"boat-simulator", "xbee-link",     "xbee-proxy",
                                                        "gprs-proxy",     "iridium-proxy", "communication-node"};
+// Paths that several boats may share: these files are only read.
+constexpr std::array<std::string_view, 4> read_only{"ca-file", "fence", "jwt-key", "wind"};
 
 /// A subcommand while it is read.
 struct reading {
@@ -72,6 +75,24 @@ given_values values_of(const ise::component_type& type, given_values values, std
     return values;
 }
 
+/// Two boats must not use one database, key or device; `used` has those of the boats before.
+void check_own_paths(const ise::parameter_set& of, std::set<std::pair<std::string, std::string>>& used) {
+    for (const auto& declared : of.all()) {
+        if (declared.kind != ise::parameter_kind::path ||
+            std::ranges::find(read_only, declared.name) != read_only.end())
+            continue;
+        for (const auto& path : of.values(declared)) {
+            if (path.empty() || used.emplace(declared.name, path).second) continue;
+            auto own = path;
+            own.insert(own.rfind('/') + 1, "{boat}-");
+            throw command_line::parse_error("--" + declared.name,
+                                            fmt::format("several boats cannot use '{}' together; give each its own, "
+                                                        "such as --{} '{}'",
+                                                        path, declared.name, own));
+        }
+    }
+}
+
 command_line::validator fits(const ise::parameter& declared) {
     auto fault = [declared](const std::string& value) {
         auto allowed = ise::check(declared, value);
@@ -120,9 +141,11 @@ void add_components(command_line::app& run, std::vector<hosted>& into, const ise
         for (const auto& declared : one->type.parameters.all())
             add_parameter(*sub, declared, one->given[declared.name]);
         sub->callback([one, &into, types] {
+            std::set<std::pair<std::string, std::string>> used;
             for (std::size_t number = 1; number <= one->boats; ++number) {
                 auto own = type_named(one->type.about.name, types);
                 set_values(own, one->boats > 1 ? values_of(own, one->given, number) : one->given);
+                check_own_paths(own.parameters, used);
                 auto made = one->made;
                 if (one->boats > 1) {
                     auto boat = boat_name(number);

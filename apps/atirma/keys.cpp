@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -55,6 +56,16 @@ std::string write_new(const std::string& file, const std::string& text) {
     return fmt::format("cannot write {}: {}", file, why);
 }
 
+// The file is the former one or the new one, whole. Why not; empty: it is on disk.
+std::string replace(const std::string& file, const std::string& text) {
+    auto fresh = file + ".new";
+    if (auto why = write_new(fresh, text); !why.empty()) return why;
+    if (::rename(fresh.c_str(), file.c_str()) == 0) return {};
+    auto why = because();
+    ::unlink(fresh.c_str());
+    return fmt::format("cannot replace {}: {}", file, why);
+}
+
 ise::result<seal::radio_keys> read(const std::string& file) {
     auto text = ise::real_environment().read_secret(file, max_key_file);
     if (!text) return text.error();
@@ -64,9 +75,10 @@ ise::result<seal::radio_keys> read(const std::string& file) {
 } // namespace
 
 int new_radio_key(const std::string& file, const std::string& boat) {
-    seal::radio_key key, recovery;
-    key.boat = recovery.boat = boat;
-    if (!draw(key) || !draw(recovery)) return failed("no random numbers: " + because());
+    seal::radio_key key;
+    seal::recovery_key recovery;
+    key.boat = recovery.key.boat = boat;
+    if (!draw(key) || !draw(recovery.key)) return failed("no random numbers: " + because());
     auto text = seal::format_key(key);
     if (auto good = seal::parse_keys(text, file); !good || good->now.boat != boat)
         return failed("the boat's name has 1 to 64 bytes, in one line");
@@ -103,10 +115,15 @@ int next_radio_key(const std::string& file, const std::string& made, const std::
         if (!text) return failed(text.error().message());
         auto by = seal::parse_recovery_key(*text, recovery);
         if (!by) return failed(by.error().message());
-        if (by->boat != keys->now.boat)
-            return failed(fmt::format("{} is of the boat {}, and {} of {}", recovery, by->boat, file, keys->now.boat));
-        // The boat takes rising numbers only: the clock refuses a packet, and admits none.
-        keys->recovery = seal::seal_recovery(*by, static_cast<std::uint64_t>(std::time(nullptr)), *keys->next);
+        if (by->key.boat != keys->now.boat)
+            return failed(
+                fmt::format("{} is of the boat {}, and {} of {}", recovery, by->key.boat, file, keys->now.boat));
+        // The boat accepts rising numbers only. The last one is kept, so that one use with a clock that was ahead does
+        // not make the next ones too low; the time serves a copy of the file that was not used last.
+        by->generation = std::max(by->generation + 1, static_cast<std::uint64_t>(std::time(nullptr)));
+        keys->recovery = seal::seal_recovery(by->key, by->generation, *keys->next);
+        if (auto why = replace(recovery, seal::format_recovery_key(*by)); !why.empty())
+            return failed(fmt::format("{}; it keeps the number of its last use", why));
     }
     if (auto why = write_new(made, seal::format_keys(*keys)); !why.empty()) return failed(why);
     return show(*keys);
@@ -118,13 +135,7 @@ int finish_radio_key(const std::string& file) {
     if (!keys->next) return failed(fmt::format("{} has one key only: nothing is to be finished", file));
     seal::radio_keys then;
     then.now = *keys->next;
-    auto fresh = file + ".new";
-    if (auto why = write_new(fresh, seal::format_keys(then)); !why.empty()) return failed(why);
-    if (::rename(fresh.c_str(), file.c_str()) != 0) {
-        auto why = because();
-        ::unlink(fresh.c_str());
-        return failed(fmt::format("cannot replace {}: {}", file, why));
-    }
+    if (auto why = replace(file, seal::format_keys(then)); !why.empty()) return failed(why);
     return show(then);
 }
 

@@ -78,7 +78,7 @@ ise::task<> observer::follow_telemetry(std::string from) {
                 ++seen_->telemetry[message ? std::string(name_of(message->body)) : "unreadable"];
             }
         } catch (const ise::error& why) {
-            if (why.code() == ise::errc::cancelled) throw;
+            // Also of a proxy that stops meanwhile (cancelled): our own end throws at the next suspension.
             log().debug(why.what());
         }
         co_await sleep(200ms);
@@ -95,8 +95,7 @@ ise::task<> observer::follow_modem() {
                 if (!state) break;
                 seen_->local = *state;
             }
-        } catch (const ise::error& why) {
-            if (why.code() == ise::errc::cancelled) throw;
+        } catch (const ise::error&) { // as above
         }
         co_await sleep(200ms);
     }
@@ -112,8 +111,7 @@ ise::task<> observer::follow_gprs(std::string from) {
                 if (!state) break;
                 seen_->gprs = *state;
             }
-        } catch (const ise::error& why) {
-            if (why.code() == ise::errc::cancelled) throw;
+        } catch (const ise::error&) { // as above
         }
         co_await sleep(200ms);
     }

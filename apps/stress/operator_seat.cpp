@@ -61,7 +61,7 @@ ise::task<> operator_seat::follow() {
             auto following = follower_->run();
             co_await std::move(following);
         } catch (const ise::error& problem) {
-            if (problem.code() == ise::errc::cancelled) throw;
+            // Also of a node that stops meanwhile (cancelled): our own end throws at the next suspension.
             log().debug("cannot subscribe to the communication nodes", {{"cause", problem.what()}});
         }
         co_await sleep(1s);

@@ -36,9 +36,17 @@ ise::result<std::optional<simulator::remembered_boat>> boat_memory::last() {
     return std::optional(std::move(*read));
 }
 
-ise::result<void> boat_memory::keep(const simulator::remembered_boat& now) {
-    auto state = ise::encode(now);
-    return done(disk_.execute("INSERT OR REPLACE INTO boat(one, state) VALUES(1, ?)", {std::move(state)}));
+ise::result<void> boat_memory::keep(const simulator::remembered_boat& now, std::span<const acknowledgement> fresh) {
+    return disk_.transaction([&] {
+        auto changed = disk_.execute("INSERT OR REPLACE INTO boat(one, state) VALUES(1, ?)", {ise::encode(now)});
+        for (auto one = fresh.begin(); changed && one != fresh.end(); ++one)
+            changed = disk_.execute("INSERT OR IGNORE INTO executed(id, raw) VALUES(?, ?)",
+                                    {static_cast<std::int64_t>(one->id), encode_acknowledgement(*one)});
+        if (changed && !fresh.empty())
+            changed = disk_.execute("DELETE FROM executed WHERE number <= (SELECT MAX(number) FROM executed) - ?",
+                                    {static_cast<std::int64_t>(kept_commands)});
+        return done(changed);
+    });
 }
 
 ise::result<std::vector<acknowledgement>> boat_memory::executed() {
@@ -50,14 +58,6 @@ ise::result<std::vector<acknowledgement>> boat_memory::executed() {
         if (ack) all.push_back(std::move(*ack));
     }
     return all;
-}
-
-ise::result<void> boat_memory::add_executed(const acknowledgement& one) {
-    auto kept = disk_.execute("INSERT OR IGNORE INTO executed(id, raw) VALUES(?, ?)",
-                              {static_cast<std::int64_t>(one.id), encode_acknowledgement(one)});
-    if (!kept) return kept.error();
-    return done(disk_.execute("DELETE FROM executed WHERE number <= (SELECT MAX(number) FROM executed) - ?",
-                              {static_cast<std::int64_t>(kept_commands)}));
 }
 
 ise::result<std::vector<ise::bytes>> boat_memory::take_unacknowledged() {

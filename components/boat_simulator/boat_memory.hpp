@@ -4,6 +4,8 @@
 
 #include <ise/database/database.hpp>
 
+#include <span>
+
 namespace atirma {
 
 /// The part of the boat's state that survives a loss of power, in one file: its position and settings, the telecommands
@@ -19,11 +21,11 @@ public:
 
     /// The state stored last; empty for a new file. Errors: io_failed, malformed.
     ise::result<std::optional<simulator::remembered_boat>> last();
-    ise::result<void> keep(const simulator::remembered_boat& now);
+    /// Stores the state with the telecommands that were executed since the state before: both, or neither.
+    ise::result<void> keep(const simulator::remembered_boat& now, std::span<const acknowledgement> fresh);
 
     /// Oldest first.
     ise::result<std::vector<acknowledgement>> executed();
-    ise::result<void> add_executed(const acknowledgement& one);
 
     /// The unacknowledged packets, oldest first; they are renumbered 1, 2, 3…
     ise::result<std::vector<ise::bytes>> take_unacknowledged();

@@ -180,12 +180,12 @@ void boat_simulator::sail() {
     if (beacon_) beacon_->carry(*boat_->second());
     if (uplink_) uplink_->set_power(!boat_->fails());
     if (boat_->fails()) return; // its modems have no power, or nobody uses them
+    if (memory_) remember();
     send_notices();
     send();
     send_uplink();
     if (iridium_) iridium_->carry();
     tell_executed();
-    if (memory_) remember();
 }
 
 void boat_simulator::tell_executed() {

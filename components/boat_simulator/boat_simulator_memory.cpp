@@ -2,6 +2,7 @@
 #include <components/boat_simulator/boat_simulator.hpp>
 
 #include <utility>
+#include <vector>
 
 namespace atirma {
 namespace {
@@ -28,27 +29,25 @@ void boat_simulator::open_memory(simulator::boat_options& made) {
                                                      {"not acknowledged", std::to_string(not_acknowledged_.size())}});
 }
 
+/// Called before the boat's answers go: what the shore knows as done is done aboard after a loss of power, too.
 void boat_simulator::remember() {
     if (std::exchange(memory_is_new_, false)) { // store the complete state
         commands_kept_ = 0;
         remember_at_ = {};
     }
-    auto executed = boat_->executed_count();
-    bool reported = executed != commands_kept_;
-    if (reported) {
-        const auto& all = boat_->executed();
-        auto fresh = std::min<std::uint64_t>(executed - commands_kept_, all.size());
-        for (auto at = all.end() - static_cast<std::ptrdiff_t>(fresh); at != all.end(); ++at)
-            kept(memory_->add_executed(*at));
-        commands_kept_ = executed;
-    }
     if (uplink_ && uplink_->link().acknowledged() != forgotten_) {
         forgotten_ = uplink_->link().acknowledged();
         kept(memory_->forget(forgotten_));
     }
-    if (!reported && now() < remember_at_) return;
+    auto executed = boat_->executed_count();
+    if (executed == executed_told_ && now() < remember_at_) return;
     remember_at_ = ise::saturating_add(now(), remember_period);
-    kept(memory_->keep(boat_->remember()));
+    const auto& all = boat_->executed();
+    auto count = std::min<std::uint64_t>(executed - commands_kept_, all.size());
+    std::vector<acknowledgement> fresh(all.end() - static_cast<std::ptrdiff_t>(count), all.end());
+    auto outcome = memory_->keep(boat_->remember(), fresh);
+    kept(outcome);
+    if (outcome) commands_kept_ = executed; // else they are kept with the next state
 }
 
 /// The boat continues to sail if its memory fails.

@@ -116,8 +116,8 @@ ise::task<replication_page> replication::tell(replication_request request) {
     if (!request.yours.empty()) went_back(request.yours.front(), shared);
     peer_.on_request(request, shared);
     telemetry_.show();
-    auto wait = std::chrono::duration_cast<ise::duration>(
-        std::chrono::duration<float>(std::clamp(request.wait_s, 0.0f, 10.0f)));
+    auto wait_s = request.wait_s > 0 ? std::min(request.wait_s, 10.0f) : 0.0f; // 0 also for NaN
+    auto wait = std::chrono::duration_cast<ise::duration>(std::chrono::duration<float>(wait_s));
     auto until = ise::saturating_add(here_.now(), wait);
     auto has_news = [&] {
         return !of_this_life || !peer_.has_packets(store_->head()) || !peer_.has_commands(store_->commands_head()) ||

@@ -94,12 +94,18 @@ void note_life(ise::database& in, const store_part& life, bool of_peer) {
 
 } // namespace
 
-sqlite_store::sqlite_store(ise::database opened)
-    : db_(std::make_unique<ise::database>(std::move(opened))), packets_(*db_), records_(*db_) {}
+sqlite_store::sqlite_store(ise::database opened, store_lock lock)
+    : lock_(std::move(lock)), db_(std::make_unique<ise::database>(std::move(opened))), packets_(*db_), records_(*db_) {}
 
 ise::result<sqlite_store> sqlite_store::open(const std::string& file, std::uint64_t fresh_number) {
+    auto lock = store_lock::take(file);
+    if (!lock) return lock.error();
+    return open(file, fresh_number, *lock);
+}
+
+ise::result<sqlite_store> sqlite_store::open(const std::string& file, std::uint64_t fresh_number, store_lock lock) {
     return caught([&] {
-        sqlite_store store(ise::database::open(file, schema).value());
+        sqlite_store store(ise::database::open(file, schema).value(), lock);
         store.load();
         store.begin_life(fresh_number).value();
         return store;
@@ -167,7 +173,7 @@ ise::result<std::string> sqlite_store::set_aside(const ise::failure& cause, std:
 }
 
 ise::result<void> sqlite_store::begin_anew(std::uint64_t fresh_number) {
-    auto opened = open(file(), fresh_number);
+    auto opened = open(file(), fresh_number, lock_);
     if (!opened) return opened.error();
     *this = std::move(*opened);
     return {};

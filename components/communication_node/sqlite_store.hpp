@@ -3,6 +3,7 @@
 #include <components/communication_node/packet_table.hpp>
 #include <components/communication_node/record_table.hpp>
 #include <components/communication_node/store_lives.hpp>
+#include <components/communication_node/store_lock.hpp>
 
 #include <chrono>
 #include <memory>
@@ -21,8 +22,11 @@ namespace atirma {
 /// position of a life that it does not know, or beyond that life's end, tells that the file went back in time.
 class sqlite_store final : public node_store {
 public:
-    /// `fresh_number` becomes the number of this life, made odd (never 0), and of a file that is new its origin.
+    /// `fresh_number` becomes the number of this life, made odd (never 0), and of a file that is new its origin. One
+    /// store at a time has the file open: io_failed for another one.
     static ise::result<sqlite_store> open(const std::string& file, std::uint64_t fresh_number);
+    /// The same, with the lock that the caller has on the file.
+    static ise::result<sqlite_store> open(const std::string& file, std::uint64_t fresh_number, store_lock lock);
 
     std::uint64_t number() const noexcept override { return own_.now.store; }
     std::uint64_t origin() const noexcept { return origin_; } ///< of the file, over all lives
@@ -93,13 +97,14 @@ public:
     void tend(std::uint64_t keep_packets, std::uint64_t keep_commands, then<std::int64_t> done) override;
 
 private:
-    explicit sqlite_store(ise::database opened);
+    sqlite_store(ise::database opened, store_lock lock);
     void load();
     ise::result<void> begin_life(std::uint64_t fresh_number);
     void forget_peer_after(std::uint64_t packets, std::uint64_t commands);
     std::uint64_t known_at_peer(const track_cursor& seen) const;
     std::vector<telemetry_packet> numbered(std::vector<telemetry_packet> packets) const;
 
+    store_lock lock_;                   // also while the file is set aside
     std::unique_ptr<ise::database> db_; // its tables point to it
     packet_table packets_;
     record_table records_;

@@ -46,10 +46,12 @@ ise::task<std::unique_ptr<opened_store>> open_store(const node_context& here) {
     const auto& log = here.self.log();
     std::vector<std::string> aside;
     std::string notice, said;
+    auto lock = store_lock::take(here.options.file); // also while a damaged file is set aside
     for (;;) {
         ise::failure why(ise::errc::io_failed, "");
         std::unique_ptr<opened_store> made;
-        auto opened = sqlite_store::open(here.options.file, here.self.env().random());
+        auto opened = lock ? sqlite_store::open(here.options.file, here.self.env().random(), *lock)
+                           : ise::result<sqlite_store>(lock.error());
         if (opened) {
             auto store = std::make_unique<sqlite_store>(std::move(*opened));
             auto known = store->remembered();
@@ -80,6 +82,7 @@ ise::task<std::unique_ptr<opened_store>> open_store(const node_context& here) {
             log.error("its store cannot be opened; it is tried again every second", {{"cause", why.message()}});
         said = why.message();
         co_await here.self.sleep(open_again);
+        if (!lock) lock = store_lock::take(here.options.file);
     }
 }
 

@@ -20,9 +20,9 @@ struct opened_store {
     std::vector<std::string> aside; ///< damaged files, the store is a new one in their place
 };
 
-/// Opens the store, or a new one in the place of a damaged file. Tries again as long as the disk fails: one that is
-/// full or not mounted yet may be there later, and so may a database. Throws ise::error for the store of a newer
-/// program. Cancellation: terminal.
+/// Opens the store, or a new one in the place of a damaged file. Tries again as long as the disk fails, or another
+/// process uses the file: a disk that is full or not mounted yet may be there later, and so may a database. Throws
+/// ise::error for the store of a newer program, and for a file that others can replace. Cancellation: terminal.
 ise::task<std::unique_ptr<opened_store>> open_store(const node_context& here);
 
 /// The store of a running node: whether the disk accepts data, and the replacement of a damaged file by a new one.

@@ -76,7 +76,7 @@ ise::task<> node_follower::follow_record() {
             co_await follower.run();
             pause.reset();
         } catch (const ise::error& problem) {
-            if (problem.code() == ise::errc::cancelled) throw;
+            // Also of a node that stops meanwhile (cancelled): our own end throws at the next suspension.
             record_.set_trouble(problem.what());
         }
         co_await pause.wait();

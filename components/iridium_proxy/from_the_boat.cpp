@@ -162,9 +162,10 @@ ise::result<void> iridium_proxy::accept(const iridium::mo_message& message, std:
     }
     ++s.counts.messages;
     auto session_at = std::chrono::time_point_cast<std::chrono::milliseconds>(message.session_time);
-    if (is_beacons(message)) s.counts.beacon_session_at = session_at;
-    else s.counts.last_session_at = session_at;
-    if (message.where) {
+    auto& last = is_beacons(message) ? s.counts.beacon_session_at : s.counts.last_session_at;
+    last = std::max(last, std::optional(session_at)); // the gateway may deliver an older session later
+    if (message.where && std::optional(session_at) >= s.counts.estimate_at) {
+        s.counts.estimate_at = session_at;
         s.counts.estimate = waypoint{message.where->latitude_deg, message.where->longitude_deg};
         s.counts.estimate_cep_km = message.where->cep_km;
     }

@@ -42,7 +42,7 @@ struct iridium_account {
     std::vector<iridium_queued> queue;         ///< telecommands that are not decided, in the order in which they go
     std::string trouble;                       ///< what keeps telecommands or telemetry from going now; empty: nothing
     std::optional<utc_time> last_session_at;   ///< of the boat, as the gateway tells
-    std::optional<waypoint> estimate;          ///< where the gateway believed the boat to be then
+    std::optional<waypoint> estimate;          ///< where the gateway believed the boat to be at `estimate_at`
     std::optional<double> estimate_cep_km;
     std::uint64_t messages = 0; ///< of the boat, since this proxy started
     std::uint64_t telemetry_published = 0;
@@ -55,6 +55,7 @@ struct iridium_account {
     std::optional<std::uint64_t> monthly_budget; ///< credits for telecommands; missing: unlimited
     std::optional<std::uint64_t> monthly_budget_left;
     std::optional<utc_time> beacon_session_at; ///< the last session of the second controller's modem
+    std::optional<utc_time> estimate_at;       ///< the session, of either modem
 };
 
 namespace services {

@@ -65,7 +65,7 @@ ise::task<> nmea_bridge::follow(std::string path) {
                 take(*packet);
             }
         } catch (const ise::error& problem) {
-            if (problem.code() == ise::errc::cancelled) throw;
+            // Also of a proxy that stops meanwhile (cancelled): our own end throws at the next suspension.
             log().debug("a proxy is waited for", {{"proxy", path}, {"cause", problem.what()}});
         }
         co_await sleep(pause);

@@ -36,10 +36,12 @@ std::string hex(ise::bytes_view from) {
     return text;
 }
 
-bool read_epoch(std::string_view text, std::uint8_t& into) {
+template <class Number>
+bool read_number(std::string_view text, Number& into, Number most) {
     auto [end, failed] = std::from_chars(text.data(), text.data() + text.size(), into);
-    return failed == std::errc() && end == text.data() + text.size() && into <= max_epoch;
+    return failed == std::errc() && end == text.data() + text.size() && into <= most;
 }
+bool read_epoch(std::string_view text, std::uint8_t& into) { return read_number(text, into, max_epoch); }
 
 using lines = std::map<std::string_view, std::string_view>;
 
@@ -103,22 +105,28 @@ std::string format_keys(const radio_keys& keys) {
     return text;
 }
 
-ise::result<radio_key> parse_recovery_key(std::string_view text, std::string_view origin) {
-    static constexpr std::string_view known[] = {"boat", "recovery-key"};
+ise::result<recovery_key> parse_recovery_key(std::string_view text, std::string_view origin) {
+    static constexpr std::string_view known[] = {"boat", "recovery-key", "generation"};
     auto read = lines_of(text, origin, known);
     if (!read) return read.error();
-    radio_key made;
-    made.boat = (*read)["boat"];
-    if (made.boat.empty() || made.boat.size() > max_boat || !from_hex((*read)["recovery-key"], made.secret))
+    recovery_key made;
+    auto& key = made.key;
+    key.boat = (*read)["boat"];
+    if (key.boat.empty() || key.boat.size() > max_boat || !from_hex((*read)["recovery-key"], key.secret))
         return ise::failure(ise::errc::malformed,
                             fmt::format("{} is not a recovery key: it needs the lines 'boat NAME' and 'recovery-key "
                                         "HEX' with 64 digits",
                                         origin));
+    if (read->contains("generation") && !read_number((*read)["generation"], made.generation, max_counter))
+        return ise::failure(ise::errc::malformed,
+                            fmt::format("{} is not a recovery key: the generation is 0 to {}", origin, max_counter));
     return made;
 }
 
-std::string format_recovery_key(const radio_key& key) {
-    return fmt::format("boat {}\nrecovery-key {}\n", key.boat, hex(key.secret));
+std::string format_recovery_key(const recovery_key& of) {
+    auto text = fmt::format("boat {}\nrecovery-key {}\n", of.key.boat, hex(of.key.secret));
+    if (of.generation != 0) text += fmt::format("generation {}\n", of.generation);
+    return text;
 }
 
 } // namespace atirma::seal

@@ -1,6 +1,7 @@
 #pragma once
 #include <components/seal/sealed_frame.hpp>
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -22,8 +23,13 @@ ise::result<radio_keys> parse_keys(std::string_view text, std::string_view origi
 std::string format_keys(const radio_keys& keys);
 inline std::string format_key(const radio_key& key) { return format_keys({key, std::nullopt, {}}); }
 
-/// The file of a recovery key: `boat NAME`, `recovery-key HEX`. Errors: malformed.
-ise::result<radio_key> parse_recovery_key(std::string_view text, std::string_view origin);
-std::string format_recovery_key(const radio_key& key);
+/// What the file of a recovery key holds.
+struct recovery_key {
+    radio_key key;
+    std::uint64_t generation = 0; ///< of the last change that it sealed
+};
+/// The file of a recovery key: `boat NAME`, `recovery-key HEX`, and `generation N` once it was used. Errors: malformed.
+ise::result<recovery_key> parse_recovery_key(std::string_view text, std::string_view origin);
+std::string format_recovery_key(const recovery_key& of);
 
 } // namespace atirma::seal

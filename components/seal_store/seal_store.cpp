@@ -41,10 +41,10 @@ ise::result<std::optional<radio_key>> read_recovery(ise::environment& env, const
     if (!text) return text.error();
     auto key = parse_recovery_key(*text, file);
     if (!key) return key.error();
-    if (key->boat != boat)
+    if (key->key.boat != boat)
         return ise::failure(ise::errc::malformed,
-                            fmt::format("{} is of the boat {}, and {} of {}", file, key->boat, key_file, boat));
-    return std::optional(std::move(*key));
+                            fmt::format("{} is of the boat {}, and {} of {}", file, key->key.boat, key_file, boat));
+    return std::optional(std::move(key->key));
 }
 
 // What the boat has learnt of its keys since its file was made, else what is in the file.

@@ -190,8 +190,8 @@ ise::task<> boat_page::follow_estimates(std::string path) {
             for (;;) {
                 auto account = co_await accounts.next();
                 if (!account) break;
-                if (!account->estimate || !account->last_session_at || account->last_session_at == last) continue;
-                last = account->last_session_at;
+                if (!account->estimate || !account->estimate_at || account->estimate_at == last) continue;
+                last = account->estimate_at;
                 if (clock() - *last > state_.options().max_age) continue;
                 position_update fix;
                 // A session is the boat heard over Iridium, when it was and no sooner: the account may be an old one.

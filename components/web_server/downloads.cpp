@@ -59,11 +59,12 @@ public:
                     400, fmt::format("{} takes a time such as 2026-11-21T10:00:00Z, or milliseconds since 1970", name));
             *into = *time;
         }
-        if (now < rests_until_ && now + 1h > rests_until_)
+        if (archive_ && now < archive_->downloads_rest_until && now + 1h > archive_->downloads_rest_until)
             return refused(503, "Many downloads are wanted right now: try again in some seconds");
         auto made = format == "ndjson" ? telemetry(when) : track(format, when);
         made.content_type = type;
-        if (auto took = clock_() - now; archive_ && took > quick) rests_until_ = now + rest_after * took;
+        if (auto took = clock_() - now; archive_ && took > quick)
+            archive_->downloads_rest_until = now + rest_after * took;
         if (kept_.size() >= max_kept)
             kept_.erase(std::ranges::min_element(kept_, {}, [](const auto& one) { return one.second.at; }));
         kept_[key] = {made, now};
@@ -132,7 +133,6 @@ private:
     track_archive* archive_;
     std::function<utc_ms()> clock_;
     std::map<std::string, kept> kept_;
-    utc_ms rests_until_{};
 };
 
 int hex(char c) {

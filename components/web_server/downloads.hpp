@@ -13,7 +13,8 @@ namespace atirma {
 /// telemetry.ndjson; see README.md. `?from=` and `?until=` (ISO 8601 or milliseconds) choose a time; a bad one is a
 /// 400. With an archive (not null) everything that it keeps, thinned to 20000 fixes, else what the page shows. The same
 /// download is made once in ten seconds, however many ask, and after one from an archive that took more than 250 ms
-/// others are a 503 for four times as long: those who watch come first. `state` and `archive` outlive the server.
+/// those of all boats are a 503 for four times as long: those who watch come first. `state` and `archive` outlive the
+/// server.
 void offer_downloads(ise::http_server& server, const std::string& prefix, const track_state& state,
                      track_archive* archive, std::function<utc_ms()> clock);
 

@@ -67,6 +67,8 @@ public:
 
     const archive_statistics& statistics() const noexcept;
 
+    utc_ms downloads_rest_until{}; ///< those of all boats that use this archive (downloads.hpp)
+
 private:
     struct implementation;
     explicit track_archive(std::unique_ptr<implementation> opened);

@@ -119,7 +119,7 @@ void xbee_link_emulator::listen_to_boat() {
                     self.move_boat(truth->latitude_deg, truth->longitude_deg);
                 }
             } catch (const ise::error& why) {
-                if (why.code() == ise::errc::cancelled) throw;
+                // Also of a boat that stops meanwhile (cancelled): our own end throws at the next suspension.
                 self.log().debug("the boat's position is not known", {{"cause", why.what()}});
             }
             co_await self.sleep(1s);

@@ -28,8 +28,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* input, std::size_t siz
             again.recovery != read->recovery)
             std::abort();
     }
-    if (auto read = parse_recovery_key(ise::as_text(raw), "file"))
-        if (parse_recovery_key(format_recovery_key(*read), "file").value().secret != read->secret) std::abort();
+    if (auto read = parse_recovery_key(ise::as_text(raw), "file")) {
+        auto again = parse_recovery_key(format_recovery_key(*read), "file").value();
+        if (again.key.secret != read->key.secret || again.generation != read->generation) std::abort();
+    }
     if (auto next = parse_rekey(raw, key))
         if (auto content = rekey_content(*next); !std::equal(content.begin(), content.end(), raw.begin(), raw.end()))
             std::abort();

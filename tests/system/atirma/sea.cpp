@@ -48,8 +48,9 @@ sea::sea(std::uint64_t seed, double speedup) : world(seed) {
         boat_component_ = &node->start<atirma::boat_simulator>("atirma/boat", listening(7413), boat_options);
         return node;
     });
-    proxy_ = &world.host("shore").start_process("proxy", [this](ise::sim::process& here) -> std::shared_ptr<void> {
+    world.host("shore").start_process("proxy", [this](ise::sim::process& here) -> std::shared_ptr<void> {
         auto node = std::make_shared<ise::node>(here, quiet());
+        proxy_ = &here;
         node->start<atirma::xbee_proxy>("atirma/shore/xbee", listening(7411), proxy_options);
         return node;
     });

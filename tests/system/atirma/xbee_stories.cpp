@@ -1,9 +1,13 @@
 #include "sea.hpp"
 
+#include <ise/database/database.hpp>
+
 #include <support/catch.hpp>
 
 #include <algorithm>
 #include <set>
+#include <stdexcept>
+#include <utility>
 
 using namespace std::chrono_literals;
 using namespace atirma;
@@ -212,6 +216,75 @@ TEST_CASE("atirma: a boat without a memory that is started again within a second
         REQUIRE(it.boat_component().boat() != nullptr);
     }
     CHECK(it.world.elapsed() - second < 1s);
+}
+
+namespace {
+
+/// A boat with a memory, which goes on with it in its next life.
+struct remembering : sea {
+    explicit remembering(const std::string& file) : disk(ise::database::open("memory:" + file, {}).value()) {
+        boat_options.memory_file = "memory:" + file;
+        boat_process().restart();
+        REQUIRE(until([&] { return boat_component().boat() != nullptr; }));
+    }
+    /// The result of that telecommand at a proxy that has just started.
+    ack_code result_of(telecommand_request request) {
+        auto& seen = watch();
+        asked answer;
+        proxy_process().restart();
+        REQUIRE(until([&] { return seen.local && seen.local->modem_ready; }));
+        command(*this, request, 2min, answer);
+        REQUIRE(until([&] { return answer.has_value(); }, 3min));
+        REQUIRE(*answer);
+        REQUIRE((*answer)->state == telecommand_stage::acknowledged);
+        return (*answer)->result.value();
+    }
+    void lose_power() {
+        boat_process().restart();
+        REQUIRE(until([&] { return boat_component().boat() != nullptr; }));
+    }
+
+    ise::database disk; // over the boat's lives
+};
+
+} // namespace
+
+TEST_CASE("atirma: what a boat answered as done is done after a loss of power in the same instant") {
+    remembering it("atirma-answered");
+    bool lost = false;
+    it.boat_options.on_executed = [&](const acknowledgement& one) {
+        if (one.id != 61 || std::exchange(lost, true)) return;
+        throw std::runtime_error("the power is lost when the answer has left");
+    };
+    it.lose_power();
+    asked answer;
+    command(it, set_mode(61, sailing_mode::hold), 20s, answer);
+    REQUIRE(it.until([&] { return lost; }));
+    it.lose_power();
+    CHECK(it.boat().pilot().mode() == sailing_mode::hold);
+    it.result_of(set_mode(62, sailing_mode::automatic));
+    CHECK(it.result_of(set_mode(61, sailing_mode::hold)) == ack_code::done);
+    CHECK(it.boat().pilot().mode() == sailing_mode::automatic); // a repetition is answered, and changes nothing
+}
+
+TEST_CASE("atirma: a telecommand whose effect could not be remembered is executed when it comes again") {
+    remembering it("atirma-half");
+    it.disk.execute("CREATE TRIGGER broken BEFORE INSERT ON boat BEGIN SELECT RAISE(ABORT, 'no space'); END").value();
+    CHECK(it.result_of(set_mode(61, sailing_mode::hold)) == ack_code::done);
+    SECTION("after a loss of power") {
+        it.disk.execute("DROP TRIGGER broken").value();
+        it.lose_power();
+        REQUIRE(it.boat().pilot().mode() == sailing_mode::automatic);
+        CHECK(it.result_of(set_mode(61, sailing_mode::hold)) == ack_code::done);
+        CHECK(it.boat().pilot().mode() == sailing_mode::hold);
+    }
+    SECTION("but not where the memory could be written later") {
+        it.disk.execute("DROP TRIGGER broken").value();
+        it.world.run_for(15s);
+        it.lose_power();
+        CHECK(it.boat().pilot().mode() == sailing_mode::hold);
+        CHECK(it.disk.query("SELECT 1 FROM executed WHERE id = 61").value().size() == 1);
+    }
 }
 
 TEST_CASE("atirma: the serial port vanishes and returns: the proxy says so, and telecommands wait for it") {

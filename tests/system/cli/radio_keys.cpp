@@ -4,9 +4,11 @@
 #include <support/catch.hpp>
 #include <support/program.hpp>
 
+#include <cstdint>
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <string_view>
 #include <sys/stat.h>
 #include <unistd.h>
 #include <vector>
@@ -118,6 +120,36 @@ TEST_CASE("atirma keys: rekey makes a file with both keys, and finish leaves the
     CHECK_THAT(wrong.err, Contains("of the boat other"));
     CHECK(keys({"rekey", file, in.file("wrong"), "--recovery", file}).exit_code == 1); // no recovery key
     CHECK_FALSE(std::filesystem::exists(in.file("wrong")));
+}
+
+TEST_CASE("atirma keys: each change by the recovery key has a higher number, also after a clock that was ahead") {
+    folder in;
+    auto file = in.file("radio.key"), recovery = file + ".recovery";
+    REQUIRE(keys({"new", file}).exit_code == 0);
+    // The number of the change in that file, from the packet: version, type, and 5 bytes, the lowest first.
+    auto change = [&](const std::string& name) {
+        auto made = keys({"rekey", file, in.file(name), "--recovery", recovery});
+        INFO(made.err);
+        REQUIRE(made.exit_code == 0);
+        auto text = text_of(in.file(name));
+        auto at = text.find("\nrecovery ");
+        REQUIRE(at != text.npos);
+        at += std::string_view("\nrecovery ").size() + 4;
+        std::uint64_t number = 0;
+        for (std::size_t byte = 5; byte-- > 0;)
+            number = number << 8 | std::stoul(text.substr(at + 2 * byte, 2), nullptr, 16);
+        return number;
+    };
+    auto first = change("one"), second = change("two"); // within a second
+    CHECK(second > first);
+    auto kept = text_of(recovery);
+    auto line = "\ngeneration " + std::to_string(second) + "\n";
+    REQUIRE_THAT(kept, Contains(line));
+    CHECK(mode_of(recovery) == 0600);
+    auto ahead = second + 1'000'000'000; // of a use with a clock that was some thirty years ahead
+    kept.replace(kept.find(line), line.size(), "\ngeneration " + std::to_string(ahead) + "\n");
+    std::ofstream(recovery) << kept;
+    CHECK(change("three") == ahead + 1);
 }
 
 TEST_CASE("atirma keys: wrong arguments end with 2, files that are no key of their own with 1") {

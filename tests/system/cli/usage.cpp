@@ -166,6 +166,12 @@ TEST_CASE("every program says its name and what is missing on its command line")
     CHECK_THAT(said({"atirma"}),
                ise_test::StartsWith("atirma: one of these is required: ") && ise_test::Contains(" run "));
     CHECK_THAT(said({"atirma", "run"}), ise_test::StartsWith("atirma: one of these is required: boat-simulator "));
+    CHECK_THAT(
+        said({"atirma", "run", "communication-node", "--boats", "2"}),
+        ise_test::StartsWith("atirma: --file: several boats cannot use 'communication.db' together; give each its "
+                             "own, such as --file '{boat}-communication.db'"));
+    CHECK_THAT(said({"atirma", "run", "gprs-proxy", "--boats=2", "--database=/tmp/spent"}),
+               ise_test::Contains("such as --database '/tmp/{boat}-spent'"));
     CHECK_THAT(said({"atirma", "replay", "voyage.mcap"}),
                ise_test::StartsWith("atirma: one of these is required: ") && ise_test::Contains("communication-node"));
 }

@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <sqlite3.h>
 #include <unistd.h>
 
@@ -169,6 +170,49 @@ TEST_CASE(
     CHECK(track->packets.size() == 120);
     for (const auto& packet : track->packets) CHECK(parse_telemetry(packet.raw));
     CHECK(it.state(one).trouble == "");
+}
+
+TEST_CASE("communication: the other node's request waits as long as it says; a time that is no number is none") {
+    disks it;
+    it.crash(two);
+    replication_request request;
+    request.node = two;
+    request.secondary = true;
+    request.origin = 4711;
+    store_part known;
+    known.store = it.state(one).store;
+    request.yours.push_back(known);
+    auto [wait_s, at_least, at_most] =
+        GENERATE(table<float, ise::duration, ise::duration>({{2.0f, 2s, 3s},
+                                                             {-1.0f, 0s, 1s},
+                                                             {std::numeric_limits<float>::quiet_NaN(), 0s, 1s},
+                                                             {std::numeric_limits<float>::infinity(), 10s, 11s}}));
+    CAPTURE(wait_s);
+    request.wait_s = wait_s;
+    auto begun = it.world.elapsed();
+    REQUIRE(it.ask("somebody", services::replication, request, 20s, one));
+    CHECK(it.world.elapsed() - begun >= at_least);
+    CHECK(it.world.elapsed() - begun < at_most);
+}
+
+TEST_CASE("communication: a node that is started on the file of another waits for it, and harms nothing") {
+    disks it;
+    it.feed(20, 2);
+    communication_node* third = nullptr;
+    it.names.start("third", "third", [&](ise::node& node) {
+        auto options = it.terms;
+        options.file = it.disk_of(one);
+        third = &node.start<communication_node>("shore/third", names_test::everywhere(), std::move(options));
+    });
+    it.world.run_for(20s);
+    it.feed(20, 2);
+    CHECK(it.set_aside(one).empty());
+    CHECK(it.state(one).store_notice.empty());
+    CHECK(it.state(one).trouble.empty());
+    CHECK_FALSE(third->how().serving);
+    it.crash(one);
+    CHECK(it.until([&] { return third->how().packets == 40; }, 30s));
+    CHECK(it.set_aside(one).empty());
 }
 
 TEST_CASE("communication: a file that is none any more is set aside at the start, and filled from the other node") {

@@ -42,8 +42,10 @@ std::optional<Body> newest(const ocean::watched& seen) {
 }
 
 /// What a modem of that IMEI posted through the gateway.
-void post(ocean& it, const std::string& imei, std::uint16_t momsn, ise::bytes data) {
+void post(ocean& it, const std::string& imei, std::uint16_t momsn, ise::bytes data,
+          std::optional<iridium::estimate> where = std::nullopt) {
     iridium::mo_delivery made;
+    made.message.where = where;
     made.message.imei = imei;
     made.message.momsn = momsn;
     made.message.session_time = std::chrono::sys_seconds(1'700'000'000s + std::chrono::seconds(momsn));
@@ -145,6 +147,45 @@ TEST_CASE("beacon: its modem may bring a position and its cause only, and the ma
     post(it, beacon_imei, 4, encode_telemetry({beacon_boot, 4, at}, fix));
     post(it, main_imei, 5, encode_telemetry({7, 5, at}, fix));
     REQUIRE(it.until([&] { return seen.telemetry.size() == 2; }));
+}
+
+TEST_CASE("beacon: the estimated position is that of the newest session with one, of either modem, and has its time") {
+    ocean it;
+    it.with_beacon();
+    it.boat_options.iridium.port.device.clear(); // what comes is the test's own
+    it.boat_options.beacon.device.clear();
+    it.start();
+    auto& seen = it.watch();
+    it.world.run_for(2s);
+    auto main_imei = it.proxy_options.imei, beacon_imei = it.proxy_options.beacon_imei;
+    auto session = [](std::uint16_t momsn) { return utc_time(1'700'000'000s + std::chrono::seconds(momsn)); };
+    location fix;
+    fix.quality = fix_quality::gps;
+    std::uint32_t sequence = 0;
+    auto arrives = [&](const std::string& imei, std::uint16_t momsn, std::optional<iridium::estimate> where) {
+        auto boot = imei == beacon_imei ? beacon_boot : std::uint16_t{7};
+        post(it, imei, momsn, encode_telemetry({boot, ++sequence, session(momsn)}, fix), where);
+        it.world.run_for(10s);
+        REQUIRE(seen.account);
+        return *seen.account;
+    };
+    auto known = arrives(main_imei, 50, iridium::estimate{28.1, -15.4, 5});
+    CHECK(known.estimate->latitude_deg == 28.1);
+    CHECK(known.estimate_at == session(50));
+    known = arrives(beacon_imei, 60, iridium::estimate{28.2, -15.5, 7});
+    CHECK(known.estimate->latitude_deg == 28.2);
+    CHECK(known.estimate_at == session(60));
+    CHECK(known.last_session_at == session(50));
+    CHECK(known.beacon_session_at == session(60));
+    for (const auto& imei : {main_imei, beacon_imei}) // the gateway delivers an older session later
+        known = arrives(imei, 40, iridium::estimate{27.9, -15.1, 3});
+    CHECK(known.estimate->latitude_deg == 28.2);
+    CHECK(known.estimate_cep_km == 7);
+    CHECK(known.last_session_at == session(50));
+    CHECK(known.beacon_session_at == session(60));
+    known = arrives(main_imei, 70, std::nullopt);
+    CHECK(known.last_session_at == session(70));
+    CHECK(known.estimate_at == session(60));
 }
 
 TEST_CASE("beacon: over seeds of failures of main controller, its power, both and the beacon, one tells the position") {

@@ -83,7 +83,7 @@ TEST_CASE("a forged epoch is not kept over the loss of power, and the boat obeys
         ping.id = 2;
         ping.authority = 0xFFFFFFFF;
         boat.execute(ping);
-        boat_memory::open("memory:boat-epoch").value().keep(boat.remember()).value();
+        boat_memory::open("memory:boat-epoch").value().keep(boat.remember(), {}).value();
     }
     auto options = on_t1();
     options.resumed = boat_memory::open("memory:boat-epoch").value().last().value();
@@ -104,9 +104,8 @@ TEST_CASE("a boat's memory gives back what was put there, and the packets withou
         auto memory = boat_memory::open("memory:boat-memory").value();
         CHECK_FALSE(memory.last().value());
         CHECK(memory.take_unacknowledged().value().empty());
-        memory.keep(boat.remember()).value();
-        memory.add_executed(ack).value();
-        memory.add_executed(ack).value(); // the same one again
+        memory.keep(boat.remember(), std::span(&ack, 1)).value();
+        memory.keep(boat.remember(), std::span(&ack, 1)).value(); // the same one again
         for (std::uint32_t i = 0; i < 4; ++i) memory.put(i + 1, packets[i]).value();
         memory.forget(2).value();
     }

@@ -2,6 +2,7 @@
 
 #include <csignal>
 #include <sys/resource.h>
+#include <sys/wait.h>
 
 namespace store_test {
 
@@ -42,6 +43,47 @@ TEST_CASE("node store: a packet is kept once, whichever links brought it, and is
     CHECK(all[3].received_at == packet(4).received_at);
     CHECK(store.packets(2, 4, 100).value().size() == 2);
     CHECK(store.packets(0, 100, 2).value().size() == 2);
+}
+
+TEST_CASE("node store: a second store on the same file is refused, and the first one goes on") {
+    folder there;
+    auto first = opened(there.file(), 100);
+    first.add(packets(1, 3)).value();
+    auto second = sqlite_store::open(there.file(), 200);
+    REQUIRE_FALSE(second);
+    CHECK(second.error().code() == ise::errc::io_failed); // it is not damaged, so it is not set aside
+    CHECK_THAT(second.error().message(), Contains("cannot open " + there.file() + ": in use by pid " +
+                                                  std::to_string(::getpid()) + "; stop that, or give each node"));
+    CHECK(first.add(packets(4, 5)).value().last == 5);
+    REQUIRE(first.begin_anew(300)); // on the same file, under the same lock
+    CHECK(first.head() == 5);
+    CHECK_FALSE(sqlite_store::open(there.file(), 400));
+    first = opened("memory:elsewhere-alone", 1);
+    CHECK(opened(there.file(), 500).head() == 5);
+}
+
+TEST_CASE("node store: the store of a process is free again when the process was killed") {
+    folder there;
+    int ready[2];
+    REQUIRE(::pipe(ready) == 0);
+    auto child = ::fork();
+    REQUIRE(child >= 0);
+    if (child == 0) {
+        auto store = sqlite_store::open(there.file(), 100);
+        char kept = store && store->add(packets(1, 3)) ? 'y' : 'n';
+        (void)!::write(ready[1], &kept, 1);
+        for (;;) ::pause();
+    }
+    char kept = 'n';
+    CHECK(::read(ready[0], &kept, 1) == 1);
+    CHECK(kept == 'y');
+    auto refused = sqlite_store::open(there.file(), 200);
+    ::kill(child, SIGKILL);
+    ::waitpid(child, nullptr, 0);
+    for (int end : ready) ::close(end);
+    REQUIRE_FALSE(refused);
+    CHECK_THAT(refused.error().message(), Contains("in use by pid " + std::to_string(child)));
+    CHECK(opened(there.file(), 300).add(packets(4, 4)).value().last == 4);
 }
 
 TEST_CASE("node store: a packet of another content under the same numbers is kept beside the first, at both nodes") {

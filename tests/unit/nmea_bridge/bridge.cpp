@@ -25,8 +25,9 @@ namespace {
 /// A proxy that publishes what a test gives it.
 class proxy final : public ise::component {
 public:
-    /// `sails`: tells a position of this quality every 100 ms.
-    explicit proxy(fix_quality sails = fix_quality::none) : sails_(sails) {}
+    /// `sails`: tells a position of this quality every 100 ms. Refuses the first `refusals` subscribers as a provider
+    /// that stops does.
+    explicit proxy(fix_quality sails = fix_quality::none, int refusals = 0) : sails_(sails), refusals_(refusals) {}
 
     void tell(const telemetry_body& body, utc_time at) {
         telemetry_packet made;
@@ -46,7 +47,12 @@ public:
 
 private:
     ise::task<> run() override {
-        out_ = publish(services::telemetry);
+        ise::publication_callbacks<ise::subscription<telemetry_packet>> callbacks;
+        callbacks.on_subscribe = [this](const auto&, const auto&) -> ise::result<ise::nothing> {
+            if (refusals_-- > 0) return ise::failure(ise::errc::cancelled, "the proxy stops");
+            return ise::nothing();
+        };
+        out_ = publish(services::telemetry, std::move(callbacks));
         for (;;) {
             co_await sleep(100ms);
             if (sails_ == fix_quality::none) continue;
@@ -62,6 +68,7 @@ private:
     ise::publication<ise::subscription<telemetry_packet>> out_;
     std::uint32_t sequence_ = 0;
     fix_quality sails_;
+    int refusals_;
 };
 
 location somewhere() {
@@ -96,6 +103,7 @@ struct sea {
     proxy* boat = nullptr;
     nmea_bridge_options options;
     fix_quality sails = fix_quality::none;
+    int refusals = 0;
 
     sea() {
         options.telemetry = {"tcp://shore:7411"};
@@ -106,7 +114,7 @@ struct sea {
     void start() {
         world.host("shore").start_process("proxy", [this](ise::sim::process& here) -> std::shared_ptr<void> {
             auto node = std::make_shared<ise::node>(here, quiet());
-            boat = &node->start<proxy>("shore", at_port(7411), sails);
+            boat = &node->start<proxy>("shore", at_port(7411), sails, refusals);
             return node;
         });
         world.host("bridge").start_process("bridge", [this](ise::sim::process& here) -> std::shared_ptr<void> {
@@ -181,6 +189,17 @@ TEST_CASE("each report is told once, and a position that has grown old as none")
     std::string late;
     s.connect(10110, late);
     REQUIRE(s.world.run_until([&] { return count(late, ",A,2809.1800,N") == 1; }, 10s));
+}
+
+TEST_CASE("a proxy that stops while the bridge subscribes is subscribed to again") {
+    sea s;
+    s.refusals = 1;
+    s.start(); // until the bridge is subscribed
+    std::string nmea;
+    s.connect(10110, nmea);
+    s.world.run_for(1s);
+    s.boat->tell(somewhere(), s.boat->clock());
+    CHECK(s.world.run_until([&] { return count(nmea, ",A,2809.1800,N") == 1; }, 10s));
 }
 
 TEST_CASE("what was measured long ago is no news when it arrives") {

@@ -439,11 +439,18 @@ TEST_CASE("key file: a file with a next key is read as it was written, and what 
         REQUIRE_FALSE(refused);
         CHECK(refused.error().message().find("aaaa") == std::string::npos);
     }
-    auto recovery = parse_recovery_key(format_recovery_key(the_recovery_key()), "x.recovery");
-    REQUIRE(recovery);
-    CHECK(recovery->secret == the_recovery_key().secret);
+    for (auto generation : {std::uint64_t{0}, std::uint64_t{1'800'000'000}, max_counter}) {
+        auto of_recovery = format_recovery_key({the_recovery_key(), generation});
+        auto recovery = parse_recovery_key(of_recovery, "x.recovery");
+        REQUIRE(recovery);
+        CHECK(recovery->key.secret == the_recovery_key().secret);
+        CHECK(recovery->generation == generation);
+        CHECK_FALSE(parse_keys(of_recovery, "radio.key"));
+    }
     CHECK_FALSE(parse_recovery_key(text, "x.recovery"));
-    CHECK_FALSE(parse_keys(format_recovery_key(the_recovery_key()), "radio.key"));
+    for (auto bad : {"-1", "x", "", "1099511627776"})
+        CHECK_FALSE(parse_recovery_key(format_recovery_key({the_recovery_key(), 0}) + "generation " + bad + "\n",
+                                       "x.recovery"));
 }
 
 } // namespace rekey_test

@@ -448,7 +448,7 @@ TEST_CASE("seal store: the recovery key beside the boat's key changes it, and a 
     quay at;
     auto recovery = a_key(90);
     auto file = at.key_file() + ".recovery";
-    write_text(file, format_recovery_key(recovery));
+    write_text(file, format_recovery_key({recovery, 6}));
     ::chmod(file.c_str(), 0600);
     auto boat = at.boat();
     auto change = seal_recovery(recovery, 7, next_key());
@@ -461,7 +461,7 @@ TEST_CASE("seal store: the recovery key beside the boat's key changes it, and a 
     CHECK(boat->keys().next_by_recovery);
     boat.reset();
     recovery.boat = "another";
-    write_text(file, format_recovery_key(recovery));
+    write_text(file, format_recovery_key({recovery, 6}));
     auto refused = at.open_boat();
     REQUIRE_FALSE(refused);
     CHECK(refused.error().message().find(file) != std::string::npos);

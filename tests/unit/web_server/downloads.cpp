@@ -152,6 +152,34 @@ TEST_CASE("a download is made once in ten seconds") {
     CHECK(s.get("/vela/track.csv").find("28.2000000") != std::string::npos);
 }
 
+TEST_CASE("after a slow download from an archive those of all boats rest, under each of their addresses") {
+    archive_options options;
+    options.file = "memory:downloads-rest";
+    auto archive = track_archive::open(options).value();
+    for (const auto* boat : {"a-tirma", "nao"}) REQUIRE(archive->enter(boat, boat));
+    auto first = voyage(), second = voyage("Nao");
+    auto now = start;
+    auto slow = [&now] { return now += 300ms; }; // from one look at the clock to the next
+    web_test::grounds here;
+    ise::http_server server(here.host->loop(), here.log, page_limits(), here.spawner());
+    offer_downloads(server, "", first, archive.get(), slow);
+    offer_downloads(server, "/vela", first, archive.get(), slow);
+    offer_downloads(server, "/nao", second, archive.get(), slow);
+    server.listen(web_test::any_port()).value();
+    auto get = [&](std::string_view path) {
+        client one(here.context, server.where().port);
+        one.get(path);
+        return one.read_answer();
+    };
+    CHECK_THAT(get("/track.csv"), Contains("HTTP/1.1 200"));
+    for (const auto* path : {"/track.gpx", "/vela/track.csv", "/nao/track.csv"}) {
+        CAPTURE(path);
+        CHECK_THAT(get(path), Contains("HTTP/1.1 503"));
+    }
+    now += 10s;
+    CHECK_THAT(get("/nao/track.csv"), Contains("HTTP/1.1 200"));
+}
+
 TEST_CASE("downloads from an archive have what is kept there, and what is not there yet") {
     archive_options options;
     options.file = "memory:downloads";

@@ -113,7 +113,8 @@ private:
     ise::task<> run() override {
         auto accounts = publish(services::iridium_account);
         iridium_account account;
-        account.last_session_at = session_;
+        account.last_session_at = session_ + 5min; // of the main modem, without a position
+        account.estimate_at = session_;
         account.estimate = waypoint{28.1, -15.4};
         account.estimate_cep_km = 4;
         accounts(account);
