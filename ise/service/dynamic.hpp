@@ -104,8 +104,8 @@ private:
 /// Cancellation: terminal, unsubscribes.
 task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract service, dynamic_packet request,
                                                subscribe_options options = subscribe_options());
-/// The same with the defaults of the subscribe packet. Fails also where it has none; see `default_packet`. Cancellation:
-/// terminal, unsubscribes.
+/// The same with the defaults of the subscribe packet. Fails also where it has none; see `default_packet`.
+/// Cancellation: terminal, unsubscribes.
 task<result<dynamic_stream>> subscribe_dynamic(remote provider, dynamic_contract service,
                                                subscribe_options options = subscribe_options());
 
