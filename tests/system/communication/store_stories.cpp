@@ -172,7 +172,7 @@ TEST_CASE(
     CHECK(it.state(one).trouble == "");
 }
 
-TEST_CASE("communication: the other node's request waits as long as it says; a time that is no number is none") {
+TEST_CASE("communication: the other node's request waits as long as it says, and a time that is no number is none") {
     disks it;
     it.crash(two);
     replication_request request;
