@@ -1,21 +1,12 @@
 #include "memory.hpp"
 
+#include <support/sanitizer.hpp>
+
 #include <malloc.h>
 
 #include <algorithm>
 #include <cstdlib>
 #include <new>
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-    #define SEEDS_COUNT_MEMORY 0
-#elif defined(__has_feature)
-    #if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-        #define SEEDS_COUNT_MEMORY 0
-    #endif
-#endif
-#ifndef SEEDS_COUNT_MEMORY
-    #define SEEDS_COUNT_MEMORY 1
-#endif
 
 namespace {
 
@@ -23,7 +14,7 @@ thread_local seeds::memory_use use;
 
 } // namespace
 
-#if SEEDS_COUNT_MEMORY
+#if !TESTS_MEMORY_IS_SANITIZED
 
 void* operator new(std::size_t size) {
     auto* made = std::malloc(size ? size : 1);
@@ -54,6 +45,6 @@ namespace seeds {
 
 memory_use memory() noexcept { return use; }
 void count_memory() noexcept { use.most = use.now; }
-bool memory_is_counted() noexcept { return SEEDS_COUNT_MEMORY; }
+bool memory_is_counted() noexcept { return !TESTS_MEMORY_IS_SANITIZED; }
 
 } // namespace seeds

@@ -4,6 +4,7 @@
 #include <ise/core/real/environment.hpp>
 
 #include <support/party.hpp>
+#include <support/sanitizer.hpp>
 
 #include <exception>
 #include <fstream>
@@ -102,9 +103,7 @@ int serve_with_little_memory() {
 } // namespace
 
 TEST_CASE("hostile: a message for which there is no memory ends its session, and not the process") {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-    return ise_test::skip("the sanitizer reserves more memory than the limit");
-#else
+    if (TESTS_MEMORY_IS_SANITIZED) return ise_test::skip("the sanitizer reserves more memory than the limit");
     const auto child = ::fork();
     if (child == 0) ::_exit(serve_with_little_memory());
     REQUIRE(child > 1);
@@ -112,7 +111,6 @@ TEST_CASE("hostile: a message for which there is no memory ends its session, and
     REQUIRE(::waitpid(child, &status, 0) == child);
     REQUIRE(WIFEXITED(status));
     CHECK(WEXITSTATUS(status) == 0);
-#endif
 }
 
 } // namespace memory_test
