@@ -338,7 +338,7 @@ void name_server::welcome(std::uint64_t number) {
 }
 
 task<naming::await_response> name_server::wait_for(std::string path, std::uint64_t other_than, time_point until) {
-    if (auto why = too_long("path", path, options_.limits)) throw error(*why);
+    if (auto why = too_long("path", path, options_.limits)) throw error(errc::refused, why->message());
     waiter<> present(on());
     timer over(on(), [&present] { present.resume(); });
     over.arm(until);
