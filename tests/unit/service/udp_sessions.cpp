@@ -607,6 +607,8 @@ TEST_CASE("what comes with the welcome is taken with it, over datagrams as over 
     shore.scope.stop();
     ear->close();
     all.run_until([&] { return accepting->done && calling->done; });
+    line.reset(); // of a further attempt
+    ear.reset();  // before the peer, whose loop they are on
 }
 
 TEST_CASE("nobody listens there: the call fails in time and says so") {
