@@ -9,6 +9,7 @@
 #include <ise/component/served_runs.hpp>
 #include <ise/core/async_run.hpp>
 #include <ise/core/limits.hpp>
+#include <ise/core/listed_waiter.hpp>
 #include <ise/core/real/ownership.hpp>
 #include <ise/core/use_task.hpp>
 #include <ise/naming/name_resolver.hpp>
@@ -205,13 +206,7 @@ void component_runner::tell_announced() {
 
 task<> component_runner::ready() {
     announce();
-    waiter<> result(on());
-    struct listed {
-        std::vector<waiter<>*>& all;
-        waiter<>* who;
-        ~listed() { std::erase(all, who); }
-    } among{awaiting_announced_, &result};
-    awaiting_announced_.push_back(&result);
+    listed_waiter result(on(), awaiting_announced_);
     while (!announced_) co_await result.wait();
 }
 

@@ -1,6 +1,7 @@
 #include <ise/core/task_scope.hpp>
 
 #include <ise/core/error.hpp>
+#include <ise/core/listed_waiter.hpp>
 
 #include <asio/any_io_executor.hpp>
 #include <asio/error.hpp>
@@ -111,13 +112,7 @@ void task_scope::stop() {
 task<> task_scope::join() { co_await join_until(time_point::max()); }
 
 task<bool> task_scope::join_until(time_point at) {
-    waiter<> left(loop_);
-    struct listed {
-        std::vector<waiter<>*>& all;
-        waiter<>* who;
-        ~listed() { std::erase(all, who); }
-    } among{joining_, &left};
-    joining_.push_back(&left);
+    listed_waiter left(loop_, joining_);
     timer alarm(loop_, [&left] { left.resume(); });
     alarm.arm(at);
     while (size() > 0 && loop_.now() < at) co_await left.wait();

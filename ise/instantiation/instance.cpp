@@ -1,3 +1,4 @@
+#include <ise/core/listed_waiter.hpp>
 #include <ise/instantiation/instance.hpp>
 
 #include <map>
@@ -65,13 +66,7 @@ process_end how_it_ended(process_end result, const std::string& mark, const outp
 }
 
 task<> next_change(loop& on, std::shared_ptr<instance> of) {
-    waiter<> result(on);
-    struct listed { // whichever way this coroutine ends
-        std::vector<waiter<>*>& all;
-        waiter<>* who;
-        ~listed() { std::erase(all, who); }
-    } among{of->awaiting, &result};
-    of->awaiting.push_back(&result);
+    listed_waiter result(on, of->awaiting);
     co_await result.wait();
 }
 

@@ -1,6 +1,7 @@
 #include <ise/name_server/shared_names.hpp>
 
 #include <ise/core/environment.hpp>
+#include <ise/core/listed_waiter.hpp>
 #include <ise/core/sleep.hpp>
 #include <ise/packet/json.hpp>
 #include <ise/service/back_off.hpp>
@@ -347,15 +348,9 @@ task<> shared_names::catch_up(std::uint64_t revision) {
             store_.end_watch(); // the next one begins where this one has gone mute
             give_up(failure(errc::timed_out, fmt::format("changes up to {} have not arrived", revision)));
         }
-        waiter<> news(on_);
+        listed_waiter news(on_, catching_up_);
         timer late(on_, [&news] { news.resume(); });
         late.arm(until);
-        struct listed {
-            std::vector<waiter<>*>& all;
-            waiter<>* who;
-            ~listed() { std::erase(all, who); }
-        } guard{catching_up_, &news};
-        catching_up_.push_back(&news);
         co_await news.wait();
     }
 }

@@ -1,6 +1,7 @@
 #include <ise/service/peer_sessions.hpp>
 
 #include <ise/access/guard.hpp>
+#include <ise/core/listed_waiter.hpp>
 #include <ise/net/connect.hpp>
 #include <ise/net/handshake.hpp>
 #include <ise/transport/tls/identity.hpp>
@@ -138,14 +139,8 @@ void peer_sessions::finish_all(const failure& why, duration grace) {
 
 task<> peer_sessions::ended(time_point limit) {
     auto& on = shared_.runtime.on();
-    waiter<> result(on);
+    listed_waiter result(on, awaiting_end_);
     timer late(on, [&result] { result.resume(); });
-    struct listed {
-        std::vector<waiter<>*>& all;
-        waiter<>* who;
-        ~listed() { std::erase(all, who); }
-    } among{awaiting_end_, &result};
-    awaiting_end_.push_back(&result);
     late.arm(limit);
     if (!all_.empty()) co_await result.wait();
 }

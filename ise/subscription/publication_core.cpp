@@ -1,6 +1,7 @@
 #include <ise/subscription/publication_core.hpp>
 
 #include <ise/core/limits.hpp>
+#include <ise/core/listed_waiter.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/session/tracer.hpp>
 #include <ise/subscription/packet_frame.hpp>
@@ -153,13 +154,7 @@ bool publication_core::has_room() const noexcept {
 }
 
 task<> publication_core::wait_for_room() {
-    waiter<> room(runtime().on());
-    struct entry {
-        std::vector<waiter<>*>& all;
-        waiter<>* mine;
-        ~entry() { std::erase(all, mine); }
-    } guard{waiting_, &room};
-    waiting_.push_back(&room);
+    listed_waiter room(runtime().on(), waiting_);
     // The publisher offered to wait, not to be held up for ever.
     auto began = runtime().on().now();
     timer patience(runtime().on(), [this, &room, &patience, &began] {
