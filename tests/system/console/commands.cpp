@@ -3,6 +3,19 @@
 
 using namespace console_test;
 
+namespace {
+
+void switch_air(sea& it, bool up) {
+    it.user([up](ise::component& self) -> ise::task<> {
+        xbee_air_request change;
+        change.up = up;
+        auto there = sea::air(self);
+        co_await there.call(services::air_control, change, 5s);
+    });
+}
+
+} // namespace
+
 TEST_CASE("console: a mission is uploaded, read back and compared, also over lossy air") {
     sea it(11);
     desk console(it.world, "desk", at_the_proxy());
@@ -46,15 +59,7 @@ TEST_CASE("console: an upload that hangs on a dead link is cancelled at once, an
     sea it;
     desk console(it.world, "desk", at_the_proxy());
     REQUIRE(it.until([&] { return works(console); }));
-    auto air = [&](bool up) {
-        it.user([up](ise::component& self) -> ise::task<> {
-            xbee_air_request change;
-            change.up = up;
-            auto there = sea::air(self);
-            co_await there.call(services::air_control, change, 5s);
-        });
-    };
-    air(false);
+    switch_air(it, false);
     upload_mission mission;
     mission.points = triangle;
     REQUIRE(console.port->act(mission));
@@ -64,7 +69,7 @@ TEST_CASE("console: an upload that hangs on a dead link is cancelled at once, an
     REQUIRE(console.port->act(cancel_upload()));
     REQUIRE(it.until([&] { return console.see()->upload.phase == upload_phase::cancelled; }, 10s));
     CHECK(console.see()->upload.text.find("the boat keeps its list") != std::string::npos);
-    air(true);
+    switch_air(it, true);
     REQUIRE(console.port->act(mission));
     REQUIRE(it.until([&] { return console.see()->upload.phase == upload_phase::verified; }, 30min));
     CHECK(same(it.boat().pilot().list(), triangle));
@@ -89,12 +94,7 @@ TEST_CASE("console: an upload whose link dies after any packet leaves the boat i
             return is_running(console.see()->upload.phase) && console.see()->upload.done >= dies_after;
         },
         10min));
-    it.user([](ise::component& self) -> ise::task<> {
-        xbee_air_request change;
-        change.up = false;
-        auto there = sea::air(self);
-        co_await there.call(services::air_control, change, 5s);
-    });
+    switch_air(it, false);
     REQUIRE(it.until(
         [&] {
             REQUIRE(one_of_both());
@@ -113,12 +113,7 @@ TEST_CASE("console: a command that waits for a dead link is called back, and the
     REQUIRE(it.until([&] { return works(console); }));
     it.boat_process().crash();
     it.world.run_for(5s);
-    it.user([](ise::component& self) -> ise::task<> {
-        xbee_air_request change;
-        change.up = false;
-        auto there = sea::air(self);
-        co_await there.call(services::air_control, change, 5s);
-    });
+    switch_air(it, false);
     it.world.run_for(5s);
     auto hold = set_mode(sailing_mode::hold);
     hold.valid_s = 600;
@@ -135,21 +130,13 @@ TEST_CASE("console: a command that the link keeps beyond its time is not execute
     sea it;
     desk console(it.world, "desk", at_the_proxy());
     REQUIRE(it.until([&] { return works(console); }));
-    auto air = [&](bool up) {
-        it.user([up](ise::component& self) -> ise::task<> {
-            xbee_air_request change;
-            change.up = up;
-            auto there = sea::air(self);
-            co_await there.call(services::air_control, change, 5s);
-        });
-    };
-    air(false);
+    switch_air(it, false);
     it.world.run_for(5s);
     auto hold = set_mode(sailing_mode::hold);
     hold.valid_s = 20;
     REQUIRE(console.port->act(hold));
     it.world.run_for(60s);
-    air(true);
+    switch_air(it, true);
     it.world.run_for(60s);
     CHECK(it.boat().pilot().mode() == sailing_mode::automatic);
     CHECK(is_over(console.last_command()->phase));
@@ -213,15 +200,7 @@ TEST_CASE("console: a newer order takes the place of one that waits at a proxy, 
     sea it;
     desk console(it.world, "desk", at_the_proxy());
     REQUIRE(it.until([&] { return works(console); }));
-    auto air = [&](bool up) {
-        it.user([up](ise::component& self) -> ise::task<> {
-            xbee_air_request change;
-            change.up = up;
-            auto there = sea::air(self);
-            co_await there.call(services::air_control, change, 5s);
-        });
-    };
-    air(false);
+    switch_air(it, false);
     it.world.run_for(5s);
     REQUIRE(console.port->act(set_mode(sailing_mode::return_home)));
     REQUIRE(it.until([&] { return console.last_command() && console.last_command()->phase >= command_phase::queued; }));
@@ -234,7 +213,7 @@ TEST_CASE("console: a newer order takes the place of one that waits at a proxy, 
         REQUIRE(console.port->act(set_mode(sailing_mode::hold)));
         REQUIRE(it.until([&] { return is_over(entry(older).phase); }, 1min));
         CHECK(entry(older).text.find("replaced by telecommand") != std::string::npos);
-        air(true);
+        switch_air(it, true);
         REQUIRE(it.until([&] { return console.last_command()->phase == command_phase::done; }, 5min));
         CHECK(it.boat().pilot().mode() == sailing_mode::hold); // the modem may have sent the older one, before
     }
@@ -245,7 +224,7 @@ TEST_CASE("console: a newer order takes the place of one that waits at a proxy, 
         it.world.run_for(2s);
         it.proxy_process().restart();
         it.world.run_for(20s);
-        air(true);
+        switch_air(it, true);
         it.world.run_for(2min);
         CHECK(it.boat().pilot().mode() == sailing_mode::automatic);
         CHECK(entry(older).phase == command_phase::expired);

@@ -41,6 +41,14 @@ std::optional<Body> newest(const ocean::watched& seen) {
     return found;
 }
 
+// What comes is the test's own.
+void begin_without_modems(ocean& it) {
+    it.with_beacon();
+    it.boat_options.iridium.port.device.clear();
+    it.boat_options.beacon.device.clear();
+    it.start();
+}
+
 /// What a modem of that IMEI posted through the gateway.
 void post(ocean& it, const std::string& imei, std::uint16_t momsn, ise::bytes data,
           std::optional<iridium::estimate> where = std::nullopt) {
@@ -126,10 +134,7 @@ TEST_CASE("beacon: a telecommand switches it on and off, and telecommands go to 
 
 TEST_CASE("beacon: its modem may bring a position and its cause only, and the main one's may not pass for it") {
     ocean it;
-    it.with_beacon();
-    it.boat_options.iridium.port.device.clear(); // what comes is the test's own
-    it.boat_options.beacon.device.clear();
-    it.start();
+    begin_without_modems(it);
     auto& seen = it.watch();
     it.world.run_for(2s);
     const utc_time at(1'700'000'000'000ms);
@@ -151,10 +156,7 @@ TEST_CASE("beacon: its modem may bring a position and its cause only, and the ma
 
 TEST_CASE("beacon: the estimated position is that of the newest session with one, of either modem, and has its time") {
     ocean it;
-    it.with_beacon();
-    it.boat_options.iridium.port.device.clear(); // what comes is the test's own
-    it.boat_options.beacon.device.clear();
-    it.start();
+    begin_without_modems(it);
     auto& seen = it.watch();
     it.world.run_for(2s);
     auto main_imei = it.proxy_options.imei, beacon_imei = it.proxy_options.beacon_imei;

@@ -277,6 +277,12 @@ TEST_CASE("access: a certificate with several identities is refused, one without
 }
 
 TEST_CASE("access: an edit counts within ten seconds for sessions that exist") {
+    const std::string only_echo = R"(version = 1
+[[allow]]
+who = "ise://atirma/web"
+name = "shore"
+call = "boat:echo"
+)";
     auto follow = [](ise::remote to, std::shared_ptr<std::string> end) -> ise::task<int> {
         auto packets = co_await to.subscribe(position);
         try {
@@ -299,12 +305,7 @@ TEST_CASE("access: an edit counts within ten seconds for sessions that exist") {
     at.world.run_for(1s);
     REQUIRE(at.boat->services->counts().sessions_accepted == 1);
     SECTION("what is denied now is refused, and subscriptions end") {
-        at.write("boat", R"(version = 1
-[[allow]]
-who = "ise://atirma/web"
-name = "shore"
-call = "boat:echo"
-)");
+        at.write("boat", only_echo);
         at.world.run_for(10s);
         auto got = at.steer();
         REQUIRE_FALSE(got);
@@ -316,12 +317,7 @@ call = "boat:echo"
     SECTION("what was denied, is allowed, and was not provided meanwhile, is called once it is") {
         at.boat->services->services().remove("echo");
         CHECK(at.echoed().error().code() == errc::access_denied); // not whether it is there
-        at.write("boat", R"(version = 1
-[[allow]]
-who = "ise://atirma/web"
-name = "shore"
-call = "boat:echo"
-)");
+        at.write("boat", only_echo);
         at.world.run_for(10s);
         CHECK(at.echoed().error().code() == errc::no_such_service);
         at.boat->provide(echo, [](blob given) { return given; });
