@@ -23,7 +23,7 @@ ise::result<radio_keys> parse_keys(std::string_view text, std::string_view origi
 std::string format_keys(const radio_keys& keys);
 inline std::string format_key(const radio_key& key) { return format_keys({key, std::nullopt, {}}); }
 
-/// What the file of a recovery key holds.
+/// The content of a recovery key file.
 struct recovery_key {
     radio_key key;
     std::uint64_t generation = 0; ///< of the last change that it sealed

@@ -102,7 +102,8 @@ public:
     }
 
 private:
-    // What the writer keeps. Without room a schema or a channel is left out, as if it were damaged: this is noted once.
+    // Whether the writer has room for it. A schema or a channel without room is left out like a damaged one; the first
+    // is noted.
     bool has_room(const record& of) {
         auto taken = room_.take(of.offset, of.content.size());
         if (!taken && !std::exchange(full_, true)) made_.damaged_chunks.push_back(taken.error());

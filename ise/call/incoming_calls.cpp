@@ -176,8 +176,8 @@ result<void> incoming_calls::on_request(const net::carried_frame& received) {
     return {};
 }
 
-// What is not as usual: the service is not allowed, not provided, or its packets are not known to fit. Where it cannot
-// be served all the same, the request is answered, or held.
+// The slow path: the service is denied, not provided, or its packets are not known to fit. False where the request
+// cannot be served now: it has been answered, or is held.
 bool incoming_calls::may_serve(std::uint32_t number, const incoming_call& call, incoming_packet& request) {
     auto& of = *bindings_[number];
     if (of.denied) {

@@ -22,11 +22,11 @@ void check_roles(server_context& here, const verified_peer* by, const std::map<s
 /// The same for a parameter of a component.
 void check_setting(server_context& here, const verified_peer* by, const std::string& path,
                    const std::string& parameter);
-/// What the access policy has against `by` reading what the component at that path reports, which includes what it
-/// prints; with `keep` a refusal is a line of the audit log.
+/// The access policy's objection to `by` reading state and output of the component at that path. With `keep` a refusal
+/// is written to the audit log.
 std::optional<failure> objection_to_read(server_context& here, const verified_peer* by, const std::string& path,
                                          bool keep);
-/// What is known of a subscriber; one of this process is asked like its identity.
+/// A subscriber as a peer for the access policy; one in this process is judged by its identity.
 verified_peer peer_of(const subscriber_info& who);
 
 } // namespace ise::instantiation

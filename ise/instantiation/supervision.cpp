@@ -70,7 +70,7 @@ supervision::act supervision::not_launched(time_point now, const std::string& wh
     launching_ = false;
     running_ = false;
     if (state_ == instance_state::stopping) return ended(now, true, "it was not started yet");
-    // Whoever launches may find out late: meanwhile it may have been stopped, or be about to be launched again.
+    // A launch may report late: the instance may have been stopped meanwhile, or wait for its next launch.
     return state_ == instance_state::starting ? again_or_fail(now, why) : act::nothing;
 }
 

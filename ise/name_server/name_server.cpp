@@ -18,7 +18,7 @@ namespace {
 // The bound that is kept lies this far above the epochs that were granted, so that the disk is seldom asked.
 constexpr std::uint64_t epochs_ahead = std::uint64_t{1} << 20;
 
-// What is asked for by a text that no component can have; before it is kept, or repeated in an answer.
+// Refuses a text that is longer than any path, before it is stored or repeated in an answer.
 std::optional<failure> too_long(std::string_view what, const std::string& text, const registry_limits& limits) {
     if (text.size() <= limits.max_path_bytes) return std::nullopt;
     return failure(errc::too_large,

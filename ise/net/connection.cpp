@@ -119,7 +119,7 @@ void connection::look_at_unfinished() {
     if (auto fits = to->on_unfinished(); !fits) end_for(fits.error());
 }
 
-// What it sent was more than there is, and is freed: a session ends over that, and not the process.
+// A message of the peer did not fit into memory, and has been freed: this ends the session, not the process.
 void connection::end_for_memory() {
     close(failure(errc::overloaded, fmt::format("{}: there is no memory for what it sends", peer_name())));
 }

@@ -195,9 +195,9 @@ bool is_utf8(std::string_view text) noexcept {
 }
 
 void append_json_letter(std::string& out, std::string_view& text) {
-    const std::size_t length = std::max<std::size_t>(sequence_length(text), 1);
+    const std::size_t whole = sequence_length(text), length = std::max<std::size_t>(whole, 1);
     const auto first = static_cast<unsigned char>(text[0]);
-    if (sequence_length(text) == 0) {
+    if (whole == 0) {
         out += "\xef\xbf\xbd";
     } else if (readable_length(text) > 0) {
         out += text.substr(0, length);
