@@ -34,6 +34,7 @@ struct model_cluster {
     std::set<std::string> cut_off;                ///< name servers that reach a minority only
     std::set<std::string> answers_lost;           ///< what they write is done, and they do not hear of it
     std::map<std::string, ise::duration> latency; ///< of one way; who waits less long for an answer gives up
+    std::set<std::string> unanswered;             ///< name servers that only their watch still works for
     bool full = false;                            ///< NOSPACE: nothing is written
     std::set<std::string> mute;                   ///< name servers whose present watch reports nothing any more
 
@@ -217,7 +218,7 @@ private:
         co_return timed_out(away() ? "no leader" : "etcd did not answer in time");
     }
     ise::task<ise::result<void>> hear(ise::time_point until) {
-        auto back = on_.now() + one_way();
+        auto back = of_.unanswered.contains(who_) ? ise::time_point::max() : on_.now() + one_way();
         co_await ise::sleep_until(on_, std::min(back, until));
         if (of_.answers_lost.contains(who_)) co_return timed_out("the answer was lost");
         if (back > until) co_return timed_out("etcd did not answer in time");

@@ -428,6 +428,23 @@ TEST_CASE("shared names: a watch that a compaction has overtaken reads everythin
     CHECK(it.epoch_at(2, "atirma/doubler") == 0);
 }
 
+TEST_CASE("shared names: a name server says that its store does not answer though its watch still reports changes") {
+    shared_system it;
+    it.start_doubler("boat", "atirma/doubler");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/doubler"); }, 5s));
+    it.cluster.unanswered.insert("ns0");
+    it.world.run_for(10s);
+    for (int n = 0; n != 3; ++n) {
+        auto path = fmt::format("atirma/other{}", n);
+        it.start_doubler(fmt::format("other{}", n), path);
+        CHECK(it.world.run_until([&] { return it.epoch_at(0, path) != 0; }, 15s));
+        CHECK(trouble_listed(it).find("etcd did not answer in time") != std::string::npos);
+    }
+    it.cluster.unanswered.clear();
+    it.world.run_for(5s);
+    CHECK(trouble_listed(it).empty());
+}
+
 TEST_CASE("shared names: a watch that goes mute is noticed, whether or not its name server writes anything") {
     shared_system it;
     it.start_doubler("boat", "atirma/doubler");
