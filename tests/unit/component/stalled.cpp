@@ -294,7 +294,7 @@ TEST_CASE("offloading keeps the component's thread free") {
 
 TEST_CASE("what becomes of the name of a component that was left behind is no concern of its next life") {
     log_book log;
-    gate registered, left_behind, given_up, release;
+    gate registered, given_up, release;
     std::atomic<bool> taken{false};
     ise::real_environment env;
     ise::node shore(env, options_with(log.sink()));
@@ -302,7 +302,7 @@ TEST_CASE("what becomes of the name of a component that was left behind is no co
     where.listen = {ise::endpoint::parse("tcp://127.0.0.1:0").value()};
     auto& names = shore.start<name_server>(std::string(naming::server_path), where, taken, given_up);
 
-    auto options = options_with(when_told("left behind", left_behind, log));
+    auto options = options_with(log.sink());
     options.use_names = true;
     options.name_servers = {names.services().listening().front()};
     options.lease = name_server::lease;
@@ -315,7 +315,8 @@ TEST_CASE("what becomes of the name of a component that was left behind is no co
     });
     registered.pass();
     node.stop("boat");
-    left_behind.pass();
+    node.wait();
+    CHECK(log.has("left behind", "boat"));
     auto& next = node.start<beginner>("boat");
     taken = true;
     given_up.pass();
