@@ -57,11 +57,17 @@ ise::endpoint endpoint_of(const std::string& option, const std::string& text) {
     return *at;
 }
 
-// What a component needs of this program's environment; nothing else is passed on.
-std::vector<std::pair<std::string, std::string>> variables_for_components() {
+// What a component needs of this program's environment, and what observes all components here; nothing else is passed
+// on.
+std::vector<std::pair<std::string, std::string>> variables_for_components(const ise::environment& env) {
     std::vector<std::pair<std::string, std::string>> kept;
-    for (const char* name : {"PATH", "HOME", "USER", "LANG", "LC_ALL", "TZ", "TMPDIR", "XDG_RUNTIME_DIR"})
+    for (const char* name : {"PATH", "HOME", "USER", "LANG", "LC_ALL", "TZ", "TMPDIR", "XDG_RUNTIME_DIR",
+                             "ISE_TRACE_RATE", "ISE_RECORD_CALLS"})
         if (const char* value = std::getenv(name)) kept.emplace_back(name, value);
+    if (std::string traces = env.variable("ISE_TRACES").value_or(""); !traces.empty()) {
+        const bool file = traces != "none" && traces.find("://") == traces.npos;
+        kept.emplace_back("ISE_TRACES", file ? absolute(traces) : traces);
+    }
     return kept;
 }
 
@@ -102,7 +108,7 @@ int run(const settings& wanted) {
         if (!parsed) throw command_line::parse_error("--name-server", parsed.error().message());
         options.name_servers = std::move(*parsed);
     }
-    options.variables = variables_for_components();
+    options.variables = variables_for_components(env);
     auto security = security_of(wanted.security, env);
     for (const auto& at : where.listen)
         ise::instantiation::may_listen(at, ise::security::load(env, security).value()).value();

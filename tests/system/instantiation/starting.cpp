@@ -58,6 +58,23 @@ TEST_CASE("the types that can be started are told with their parameters") {
     CHECK(here.ise({"describe", "--names", "test/atirma/boat"}).out == "scene\nground_truth\n");
 }
 
+TEST_CASE("what the server's environment says of traces and of recorded calls holds for what it starts") {
+    host here;
+    const auto spans = here.programs().parent_path() / "spans.jsonl";
+    ::setenv("ISE_TRACES", std::filesystem::relative(spans).c_str(), 1);
+    ::setenv("ISE_RECORD_CALLS", "1", 1);
+    here.open();
+    ::unsetenv("ISE_TRACES");
+    ::unsetenv("ISE_RECORD_CALLS");
+    here.start("sea/one", {"--set", "answer=3.5"});
+    here.json_of({"call", "sea/one", "ask"});
+    CHECK_THAT(here.ise({"describe", "--all", "sea/one"}).out, Contains("ise.calls"));
+    here.json_of({"stop", "sea/one"}); // it writes its last spans
+    std::ifstream file(spans);
+    CHECK_THAT(std::string(std::istreambuf_iterator<char>(file), {}), Contains("sea/one"));
+    CHECK(here.close() == 0);
+}
+
 TEST_CASE("a program that is installed while the server runs can be started") {
     host here;
     here.open();
