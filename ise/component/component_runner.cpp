@@ -132,8 +132,7 @@ void component_runner::open() {
     provide_served_calls(*services_);
     provide_served_runs(*services_);
     if (options_.listens) {
-        auto wanted =
-            options_.listen.empty() ? default_endpoints(env_, services_->self().incarnation) : options_.listen;
+        auto wanted = options_.listen.empty() ? default_endpoints(env_, incarnation()) : options_.listen;
         services_->acceptor().advertise(options_.advertise);
         services_->acceptor().hold(); // until it has provided its services
         for (const auto& at : wanted) services_->listen(at).value();
@@ -214,7 +213,7 @@ registration component_runner::describe_for_names() const {
     registration made;
     made.path = path_;
     made.type = class_of(*component_);
-    made.incarnation = services_->self().incarnation;
+    made.incarnation = incarnation();
     made.state = name_of(state());
     for (const auto& at : services_->listening())
         for (auto& one : reachable(env_, at)) made.endpoints.push_back(std::move(one));
@@ -310,7 +309,7 @@ component_info component_runner::describe_self() const {
     component_info made;
     made.path = path_;
     made.state = name_of(state());
-    made.incarnation = services_->self().incarnation;
+    made.incarnation = incarnation();
     made.epoch = services_->self().epoch;
     made.host_name = env_.identity().host_name;
     made.process_id = env_.identity().process_id;

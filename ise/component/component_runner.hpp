@@ -35,6 +35,7 @@ public:
     void stop();
 
     const std::string& path() const noexcept { return path_; }
+    std::uint64_t incarnation() const noexcept { return services_->self().incarnation; }
     component_state state() const noexcept { return state_.load(); }
     loop& on() noexcept { return share_->host->loop(); }
     environment& env() noexcept { return env_; }

@@ -86,7 +86,7 @@ task<> component_runner::shut_down(std::shared_ptr<component_runner> self) {
     if (!me.over()) me.state_ = component_state::stopping;
     if (auto owner = me.node_.lock();
         owner && owner->names() && me.announcing_ && !me.path_.empty() && me.options_.registers)
-        async_run(owner->loop().get_executor(), owner->names()->withdraw(me.path_), asio::detached);
+        async_run(owner->loop().get_executor(), owner->names()->withdraw(me.path_, me.incarnation()), asio::detached);
 
     std::vector<std::string> still;
     auto note = [&still](const task_scope& scope) {

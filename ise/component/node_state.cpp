@@ -28,7 +28,7 @@ void node_state::start_names() {
     kept_names = std::make_unique<lease_registrar>(*services, options.name_servers, options.lease);
     kept_names->on_change = [this](const registration& of, result<std::uint64_t> epoch) {
         auto runner = find(of.path);
-        if (runner && runner->services().self().incarnation == of.incarnation) runner->on_name_change(std::move(epoch));
+        if (runner && runner->incarnation() == of.incarnation) runner->on_name_change(std::move(epoch));
     };
 }
 
@@ -63,7 +63,8 @@ void node_state::watch_loops() {
                         {{"component", runner->path()}});
         }
         if (kept_names && !runner->path().empty())
-            kept_names->set_state(runner->path(), turning ? name_of(runner->state()) : "stalled");
+            kept_names->set_state(runner->path(), runner->incarnation(),
+                                  turning ? name_of(runner->state()) : "stalled");
     }
     if (now >= poke_at) poke_at = now + watch_period;
     watched_every = period;

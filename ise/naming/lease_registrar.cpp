@@ -73,27 +73,26 @@ task<result<std::uint64_t>> lease_registrar::enroll(registration who, duration d
 }
 
 void lease_registrar::update(registration who) {
-    auto found = holdings_.find(who.path);
-    if (found == holdings_.end() || found->second->who.incarnation != who.incarnation) return;
-    found->second->who = std::move(who);
-    ++found->second->version;
-    line_up(*found->second);
+    auto* name = find(who.path, who.incarnation);
+    if (!name) return;
+    name->who = std::move(who);
+    ++name->version;
+    line_up(*name);
     wake();
 }
 
-void lease_registrar::set_state(const std::string& path, std::string_view state) {
-    auto found = holdings_.find(path);
-    if (found == holdings_.end() || found->second->who.state == state) return;
-    found->second->who.state = state;
-    ++found->second->version;
-    line_up(*found->second);
+void lease_registrar::set_state(const std::string& path, std::uint64_t incarnation, std::string_view state) {
+    auto* name = find(path, incarnation);
+    if (!name || name->who.state == state) return;
+    name->who.state = state;
+    ++name->version;
+    line_up(*name);
     wake();
 }
 
-task<> lease_registrar::withdraw(std::string path) {
+task<> lease_registrar::withdraw(std::string path, std::uint64_t incarnation) {
+    if (!find(path, incarnation)) co_return;
     auto gone = take_out(path);
-    if (!gone) co_return;
-    auto incarnation = gone->who.incarnation;
     gone->answered.resume();
     leave(path, incarnation);
     // Where many leave at once, one at a time tells of as many as a request holds.
@@ -185,6 +184,11 @@ void lease_registrar::line_up(held_name& name) {
     if (!name.to_tell()) return;
     name.waits_at.emplace(std::max(name.not_before, host_.on().now()), ++lined_up_);
     to_tell_.emplace(*name.waits_at, &name);
+}
+
+held_name* lease_registrar::find(const std::string& path, std::uint64_t incarnation) const noexcept {
+    auto found = holdings_.find(path);
+    return found != holdings_.end() && found->second->who.incarnation == incarnation ? found->second.get() : nullptr;
 }
 
 std::unique_ptr<held_name> lease_registrar::take_out(const std::string& path) {

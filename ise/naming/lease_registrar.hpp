@@ -34,9 +34,9 @@ public:
 
     task<result<std::uint64_t>> enroll(registration who, duration deadline) override;
     void update(registration who) override;
-    void set_state(const std::string& path, std::string_view state) override;
+    void set_state(const std::string& path, std::uint64_t incarnation, std::string_view state) override;
     /// Completes when the server knows, or does not answer; then it is told as soon as it does.
-    task<> withdraw(std::string path) override;
+    task<> withdraw(std::string path, std::uint64_t incarnation) override;
 
     task<> farewell() override;
 
@@ -55,6 +55,7 @@ private:
     task<bool> tell();
     task<bool> renew();
     task<bool> tell_departures();
+    held_name* find(const std::string& path, std::uint64_t incarnation) const noexcept;
     bool leaves(const std::string& path, std::uint64_t incarnation) const noexcept;
     void leave(const std::string& path, std::uint64_t incarnation);
     void forget_departure(const std::string& path);

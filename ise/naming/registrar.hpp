@@ -38,10 +38,10 @@ public:
     /// Services or state have changed.
     virtual void update(registration who) = 0;
     /// Its state for people: "ready", "stalled"…
-    virtual void set_state(const std::string& path, std::string_view state) = 0;
+    virtual void set_state(const std::string& path, std::uint64_t incarnation, std::string_view state) = 0;
     /// Gives the name up; completes when the server knows, or does not answer. Cancellation: terminal, ends only the
-    /// wait.
-    virtual task<> withdraw(std::string path) = 0;
+    /// wait. This and the two before do nothing where another life of the component has the name by now.
+    virtual task<> withdraw(std::string path, std::uint64_t incarnation) = 0;
     /// For the end of the node: completes when the server knows of all that were withdrawn, or does not answer.
     /// Cancellation: terminal, ends only the wait.
     virtual task<> farewell() = 0;

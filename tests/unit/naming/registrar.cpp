@@ -259,6 +259,34 @@ TEST_CASE(
     CHECK(it.kept.longest_gap() < lease);
 }
 
+TEST_CASE("registrar: what is left of a component's former life changes nothing of the name of its present one") {
+    registrar_test::system it({});
+    auto& process = it.world.host("boat").start_process("boat");
+    ise_test::party boat(process, process.make_loop("main"), "boat");
+    ise::lease_registrar names(*boat.services, {ise::endpoint::parse("tcp://ns:7400").value()}, lease);
+    ise::registration made;
+    made.path = "boat";
+    made.state = "ready";
+    for (auto life : {1u, 2u}) {
+        made.incarnation = life;
+        ise_test::start(boat.on, names.enroll(made, 1min));
+        REQUIRE(it.world.run_until([&] { return it.kept.claims.size() == life; }, 10s));
+    }
+    names.set_state("boat", 1, "stalled");
+    ise_test::start(boat.on, names.withdraw("boat", 1));
+    it.world.run_for(10s);
+    CHECK(it.kept.departures.empty());
+    CHECK(it.kept.claims.size() == 2);
+    names.set_state("boat", 2, "stalled");
+    REQUIRE(it.world.run_until([&] { return it.kept.claims.size() == 3; }, 10s));
+    CHECK(it.kept.claims.back().claim.state == "stalled");
+    ise_test::start(boat.on, names.withdraw("boat", 2));
+    CHECK(it.world.run_until([&] { return !it.kept.departures.empty(); }, 10s));
+    boat.services->stop(100ms);
+    boat.scope.stop();
+    REQUIRE(it.world.run_until([&] { return boat.scope.size() == 0; }, 10s));
+}
+
 TEST_CASE("registrar: a name that is granted after the wait for it was cancelled is told of all the same") {
     registrar_test::system it({});
     it.kept.not_yet["boat"] = 3s;
