@@ -212,7 +212,7 @@ free_ports() {
     local port taken=' ' left="$1"
     for _ in {1..500}; do
         ((left > 0)) || return 0
-        port=$((RANDOM % 20000 + 20000))
+        port=$((RANDOM % 12000 + 20000)) # the system gives connections those from 32768 on
         [[ "$taken" != *" $port "* ]] && is_free "$port" || continue
         taken+="$port "
         echo "$port"

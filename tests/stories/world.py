@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Callable
 
@@ -110,6 +110,7 @@ class World:
 
     def __init__(self, build: Path, seed: int, folder: Path | None = None):
         self.bin, self.seed, self.dice = build / "bin", seed, random.Random(seed)
+        self.given_ports: set[int] = set()
         self.kept = folder is not None
         self.folder = folder or Path(tempfile.mkdtemp(prefix="ise-story-"))
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -198,10 +199,14 @@ class World:
         return made
 
     def free_port(self) -> int:
-        """Of this machine's loopback, free a moment ago."""
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            return probe.getsockname()[1]
+        """Of this machine's loopback, free a moment ago, and none that the system gives to connections."""
+        for port in random.sample(range(20000, 32000), 500):
+            with suppress(OSError), socket.socket() as probe:
+                probe.bind(("127.0.0.1", port))
+                if port not in self.given_ports:
+                    self.given_ports.add(port)
+                    return port
+        raise RuntimeError("no free port")
 
     def ask(self, address: tuple[str, int], question: bytes, word: bytes, host: str | None = None, wait: float = 5, pause: float = 0) -> bool:
         """Whether the listener answers with that word in time. `pause` seconds lie between the connection and the question."""
