@@ -40,7 +40,8 @@ public:
     /// Its state for people: "ready", "stalled"…
     virtual void set_state(const std::string& path, std::uint64_t incarnation, std::string_view state) = 0;
     /// Gives the name up; completes when the server knows, or does not answer. Cancellation: terminal, ends only the
-    /// wait. This and the two before do nothing where another life of the component has the name by now.
+    /// wait. This and the two before do nothing where a component of another incarnation (a random number of its life)
+    /// has the name by now.
     virtual task<> withdraw(std::string path, std::uint64_t incarnation) = 0;
     /// For the end of the node: completes when the server knows of all that were withdrawn, or does not answer.
     /// Cancellation: terminal, ends only the wait.
