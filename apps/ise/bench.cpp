@@ -38,6 +38,7 @@ struct tally {
     std::optional<failure> last;
     std::size_t callers = 0;
     waiter<>* waiting = nullptr;
+    bool over = false; // by Ctrl-C
 
     bool add(duration length, const failure* why) {
         if (why) {
@@ -82,7 +83,7 @@ task<> call_on(context& in, std::shared_ptr<const target_call> what, time_point 
     auto limit = in.set.timeout;
     for (;;) {
         auto began = in.self.env().now();
-        if (began >= until) co_return;
+        if (began >= until || to->over) co_return;
         auto why = co_await call_once(*what, limit);
         bool well = to->add(in.self.env().now() - began, why ? &*why : nullptr);
         if (!well) co_await in.self.sleep(std::chrono::milliseconds(10)); // what refuses is not hammered
@@ -141,9 +142,11 @@ task<> bench(context& in, bench_options options) {
     auto began = in.self.env().now();
     auto until = saturating_add(began, options.length);
     seen->callers = options.concurrent;
+    in.ctrl_c.care(in.self.on(), [seen] { seen->over = true; }); // what was measured is shown
     for (std::uint32_t count = 0; count < options.concurrent; ++count)
         in.self.spawn("bench", call_on(in, what, until, seen));
     while (seen->callers > 0) co_await done.wait();
+    in.ctrl_c.leave();
     auto summary = summary_of(*seen, in.self.env().now() - began);
     auto text = in.set.json ? json_line(summary) : as_text(summary);
     co_await in.out.write(in.self, std::move(text));

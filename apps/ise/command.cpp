@@ -185,9 +185,11 @@ void report(const problem& why, bool json) {
         return complain(json_line(line));
     }
     auto text = fmt::format("ise: {}\n", printable(why.what(), true));
-    if (why.executed() == "unknown") text += "     it may have run there all the same\n";
+    if (why.executed() == "unknown") text += "     it may have been executed anyway\n";
     if (why.executed() == "not_executed") text += "     it did not run there\n";
-    if (!why.advice().empty()) text += indented(printable(why.advice(), true), "     ");
+    auto advice = printable(why.advice(), true);
+    while (advice.ends_with('\n')) advice.pop_back();
+    if (!advice.empty()) text += indented(advice, "     ");
     complain(text);
 }
 

@@ -77,7 +77,7 @@ task<> echo(context& in, echo_options options) {
         if (stream.ended()) return;
         if (bool now = stream.connected(); now != std::exchange(reached, now))
             note(in.set, fmt::format("'{}' {}", options.what.name,
-                                     now ? "is reached again" : "is not reached any more: waiting until it is"));
+                                     now ? "is reached again" : "is no longer reachable; waiting for it"));
         look.arm(saturating_add(in.self.now(), look_period));
     });
     look.arm(saturating_add(in.self.now(), look_period));
@@ -163,7 +163,7 @@ task<> join(context& in, echo_options options, shared_medley into, std::string p
         try {
             request.emplace(dynamic_packet::from_json(contract->packet(role::subscribe_request), options.what.json));
         } catch (const error& unfit) {
-            why = failure(unfit.code(), fmt::format("the subscribe request is not as it must be: {}", unfit.what()));
+            why = failure(unfit.code(), fmt::format("the subscribe request is invalid: {}", unfit.what()));
             continue;
         }
         auto terms = terms_of(options);
@@ -180,7 +180,7 @@ task<> join(context& in, echo_options options, shared_medley into, std::string p
         packet_source from{path, one.name};
         in.self.spawn("echo", follow(in, options, into, std::move(from), std::move(*stream)));
     }
-    if (!why) co_return;
+    if (!why || why->code() == errc::cancelled) co_return; // the command ends
     if (into->silent.insert(path).second) note(in.set, fmt::format("{}: {}", path, why->message()));
     if (!about) into->joined.erase(path); // it is asked again
 }

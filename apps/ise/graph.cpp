@@ -19,9 +19,9 @@ namespace ise::cli {
 namespace {
 
 struct graph_options {
-    std::string prefix; ///< these components, and whoever is connected to them
-    bool dot = false;   ///< for Graphviz
-    duration interval = std::chrono::milliseconds(500);
+    std::string prefix;                          ///< these components, and whoever is connected to them
+    bool dot = false;                            ///< for Graphviz
+    duration interval = std::chrono::seconds(2); ///< a rate of 1 Hz is seen
 };
 
 struct graph_component {
@@ -120,7 +120,7 @@ void declare_graph(command_line::app& app, parsed_command& made) {
     auto given = std::make_shared<graph_options>();
     add_prefix(app, given->prefix);
     app.add_flag("--dot", given->dot, "for Graphviz: ise graph --dot | dot -Tsvg");
-    add_time(app, "--interval", given->interval, "time between two looks, for the rates (default: 500ms)");
+    add_time(app, "--interval", given->interval, "time between two looks, for the rates (default: 2s)");
     app.callback([&made, given] {
         check_prefix(given->prefix);
         made.looks = true;

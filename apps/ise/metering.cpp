@@ -80,8 +80,8 @@ task<> measure(context& in, metering_options options, std::shared_ptr<gauge> to)
 
 std::string show_losses(const dynamic_stream& stream) {
     const auto& counts = stream.counts();
-    return fmt::format("{}{}{}", counts.lost_at_provider + counts.lost_here, counts.restarts != 0 ? " and more" : "",
-                       stream.connected() ? "" : "  not connected");
+    return fmt::format("{}{}{}", counts.lost_at_provider + counts.lost_here, counts.restarts != 0 ? "+" : "",
+                       stream.connected() ? "" : " (not connected)");
 }
 
 } // namespace ise::cli

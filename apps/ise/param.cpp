@@ -55,7 +55,7 @@ problem said_against(const failure& why) {
 
 problem without_parameters(const std::string& name, const failure& why) {
     if (why.code() != errc::no_such_service) return said_against(why);
-    return {exit_code::not_reached, "no_such_service", fmt::format("'{}' tells of no parameters", name),
+    return {exit_code::not_reached, "no_such_service", fmt::format("'{}' has no parameters that can be read", name),
             "those of programs built on ise::main do, and what was launched with component_type::live()"};
 }
 

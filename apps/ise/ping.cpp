@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
 
 namespace ise::cli {
@@ -102,9 +103,19 @@ task<> ping(context& in, ping_options options) {
     spread seen;
     std::optional<duration> ahead; // of the quickest answer: the one that tells best
     std::optional<failure> why;
-    bool by_health = true;
-    for (std::uint64_t number = 1; number <= options.count; ++number) {
-        if (number > 1) co_await in.self.sleep(options.every);
+    bool by_health = true, over = false;
+    std::uint64_t sent = 0;
+    in.ctrl_c.care(in.self.on(), [&over] { over = true; }); // what was measured is shown
+    struct leaving {
+        interrupt& ctrl_c;
+        ~leaving() { ctrl_c.leave(); }
+    } at_the_end{in.ctrl_c};
+    constexpr duration look_period = std::chrono::milliseconds(50);
+    for (std::uint64_t number = 1; number <= options.count && !over; ++number) {
+        for (auto next = in.self.now() + options.every; number > 1 && !over && in.self.now() < next;)
+            co_await in.self.sleep(std::min(look_period, next - in.self.now()));
+        if (over) break;
+        ++sent;
         auto got = co_await ask_once(in, who, by_health, in.set.timeout);
         if (got) {
             if (got->clock_ahead && (seen.count() == 0 || got->round_trip < seen.shortest())) ahead = got->clock_ahead;
@@ -115,7 +126,7 @@ task<> ping(context& in, ping_options options) {
         auto text = show_answer(in, number, options.name, got);
         co_await in.out.write(in.self, std::move(text));
     }
-    auto text = show_summary(in, options.count, seen, ahead, by_health);
+    auto text = show_summary(in, sent, seen, ahead, by_health);
     co_await in.out.write(in.self, std::move(text));
     if (seen.count() == 0 && why) throw problem(*why, "is it busy or stopped? ise doctor looks at all");
 }

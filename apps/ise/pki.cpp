@@ -407,7 +407,7 @@ description describe_list(X509_CRL* one) {
 
 std::string system_of(const std::string& identity) {
     auto wrong = [&](const std::string& why) {
-        throw problem(exit_code::usage, "usage", fmt::format("'{}' is no identity: {}", identity, why),
+        throw problem(exit_code::usage, "usage", fmt::format("'{}' is not an identity: {}", identity, why),
                       "such as ise://robots/shore or ise://robots/operator/ana");
     };
     if (!identity.starts_with(scheme)) wrong("it does not begin with ise://");

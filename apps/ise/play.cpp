@@ -71,8 +71,11 @@ task<> play(context& in, play_options options) {
     };
     in.ctrl_c.care(in.self.on(), [on] { on->stopped = true; });
     co_await in.self.offload(begin);
-    note(in.set, fmt::format("playing {} as {}; Ctrl-C ends it", printable(options.what.file),
-                             printable(enumerate(on->play->paths()))));
+    const auto& paths = on->play->paths();
+    note(in.set, paths.empty() ? fmt::format("testing {} with {}; Ctrl-C ends it",
+                                             printable(enumerate(options.what.tested)), printable(options.what.file))
+                               : fmt::format("playing {} as {}; Ctrl-C ends it", printable(options.what.file),
+                                             printable(enumerate(paths))));
     std::optional<stop_report> failed; // such as one whose name somebody else has
     while (!on->play->done() && !on->stopped && !failed) {
         co_await in.self.sleep(std::chrono::milliseconds(50));
@@ -110,7 +113,8 @@ task<> play(context& in, play_options options) {
     co_await in.out.write(in.self, std::move(text));
     if (trouble) throw problem(*trouble);
     if (different)
-        throw problem(exit_code::failed, "different", "the tested components behave otherwise than in the recording");
+        throw problem(exit_code::failed, "different", "the tested components behave differently from the recording",
+                      "leave out times and random numbers with --ignore FIELD");
 }
 
 // `ise` has no components of users: the program that has them replays.
@@ -119,10 +123,11 @@ task<> play(context& in, play_options options) {
         throw problem(
             exit_code::usage, "usage", "--into sim: name the program that has the components",
             "such as: ise play voyage.mcap --into sim -- atirma communication-node --path atirma/shore/node-1");
-    if (!options.renamed.empty() || !options.what.tested.empty() || options.what.speed != 1 || options.what.loop)
+    if (!options.renamed.empty() || !options.what.tested.empty() || !options.what.ignored.empty() ||
+        options.what.speed != 1 || options.what.loop)
         throw problem(exit_code::usage, "usage",
                       "--into sim: components are tested under their own paths, once, as fast as possible",
-                      "leave out --rename, --test, --speed and --loop");
+                      "leave out --rename, --test, --ignore, --speed and --loop");
     std::vector<std::string> words{program.front(), "replay", options.what.file};
     for (const auto& one : options.what.only) words.insert(words.end(), {"--only", one});
     words.insert(words.end(), program.begin() + 1, program.end());
@@ -144,6 +149,8 @@ void declare_play(command_line::app& app, parsed_command& made) {
     add_each(app, "--rename", given->renamed, "plays a component, or those below a path, under another", "PATH=PATH");
     add_each(app, "--test", what.tested,
              "a component that runs: recorded calls to it are made, and what it does is compared", "PATH");
+    add_each(app, "--ignore", what.ignored,
+             "a field that is not compared, or all of a service as 'state/*'; may be given several times", "FIELD");
     app.add_option("--speed", what.speed, "2: twice as fast (default: 1)")->type_name("FACTOR");
     app.add_flag("--loop", what.loop, "begin again at the end");
     app.add_option("--into", given->into,

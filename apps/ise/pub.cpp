@@ -52,7 +52,9 @@ task<> pub(context& in, pub_options options, std::vector<std::string> texts) {
         throw problem(exit_code::usage, "usage",
                       fmt::format("'{}' is not published: it is {}", options.service,
                                   is_action(*service.types()) ? "an action" : "called"),
-                      fmt::format("answer in its place: ise mock {} {} JSON", options.place.path, options.service));
+                      is_action(*service.types()) ? "a program must provide it: docs/actions.md"
+                                                  : fmt::format("answer in its place: ise mock {} {} JSON",
+                                                                options.place.path, options.service));
     std::vector<dynamic_packet> packets;
     for (auto& text : texts) {
         auto packet = co_await packet_from(in, service.packet(role::published), std::move(text), "packet");

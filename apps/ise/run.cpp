@@ -44,7 +44,7 @@ task<> run_action(context& in, run_command_options options) {
     if (!started) throw problem(started.error()).of_call(started.error().executed());
     auto& run = *started;
     if (run.queue_position() > 0)
-        note(in.set, fmt::format("accepted; {} other goal{} executed first", run.queue_position(),
+        note(in.set, fmt::format("accepted; {} other goal{} ahead", run.queue_position(),
                                  run.queue_position() == 1 ? " is" : "s are"));
     const auto style = in.set.pretty ? json_style::pretty : json_style::compact;
     for (;;) {

@@ -25,7 +25,7 @@ task<result<void>> connect(context& in, remote who) {
     for (;;) {
         auto slice = std::min(look_up, in.left());
         auto got = co_await who.connect(slice);
-        if (got) co_return got;
+        if (got || got.error().code() == errc::cancelled) co_return got;
         if (!who.way().obstacle().empty()) co_return failure(errc::unreachable, who.way().obstacle());
         if (in.self.now() >= in.until) co_return got;
     }
@@ -116,6 +116,10 @@ task<remote> reach_name_server(context& in) {
     if (!got && has_unusable_policy(got.error().message()))
         throw problem(exit_code::not_reached, "policy_unusable",
                       fmt::format("the name server makes no session: {}", got.error().message()), policy_advice);
+    if (!got && got.error().message().find("refused the session") != std::string::npos)
+        throw problem(exit_code::not_reached, "name_server_lost",
+                      fmt::format("the name server at {} is not reached: {}", text_of(at), got.error().message()),
+                      "use the credentials of its system (--key, --tls), or none where it has none");
     if (!got)
         throw problem(exit_code::not_reached, "name_server_lost",
                       fmt::format("there is no name server at {}: {}", text_of(at), got.error().message()),
@@ -214,12 +218,15 @@ task<dynamic_contract> find_service(context& in, remote who, std::string service
         auto contract = contract_of(one);
         if (!contract) throw problem(contract.error());
         if (contract->kind() != wanted) {
-            bool calls = wanted == service_kind::request_response;
+            const bool runs = is_action(*contract->types()), calls = wanted == service_kind::request_response;
             throw problem(
                 exit_code::usage, "usage",
-                fmt::format("'{}' at {} is a {} service", service, who.name(), ise::name_of(contract->kind())),
-                fmt::format("{} it: ise {} {} {}", calls ? "subscribe to" : "call", calls ? "echo" : "call", who.name(),
-                            service));
+                runs ? fmt::format("'{}' at {} is an action", service, who.name())
+                     : fmt::format("'{}' at {} is a {} service", service, who.name(), ise::name_of(contract->kind())),
+                (runs    ? "run it:\n"
+                 : calls ? "subscribe to it:\n"
+                         : "call it:\n") +
+                    example(who.name(), *contract));
         }
         co_return std::move(*contract);
     }
@@ -234,7 +241,7 @@ task<dynamic_packet> packet_from(context& in, schema of, std::string json, std::
         try {
             return dynamic_packet::from_json(of, json);
         } catch (const error& unfit) {
-            throw problem(failure(unfit.code(), fmt::format("the {} is not as it must be: {}", what, unfit.what())),
+            throw problem(failure(unfit.code(), fmt::format("the {} is invalid: {}", what, unfit.what())),
                           "it is " + of.pretty());
         }
     };

@@ -77,10 +77,10 @@ task<> validate(context& in, deployment_options options) {
         for (auto which : sorted.order) result.order.push_back(wanted.components[which].request.path);
         text = json_line(result);
     } else {
-        text = fmt::format(
-            "{} is well formed: {} with {} component{} on {} host{}{}\n", options.file, wanted.name.text,
-            wanted.components.size(), many(wanted.components.size()), wanted.hosts.size(), many(wanted.hosts.size()),
-            checked ? ", all of types and with parameters that there are, and no obstacle was found" : "");
+        text = fmt::format("{} is valid: {} with {} component{} on {} host{}{}\n", options.file, wanted.name.text,
+                           wanted.components.size(), many(wanted.components.size()), wanted.hosts.size(),
+                           many(wanted.hosts.size()),
+                           checked ? "; all types and parameters exist, and nothing stands in the way" : "");
     }
     co_await in.out.write(in.self, std::move(text));
 }

@@ -2,7 +2,11 @@
 
 #include <ise/sim/world.hpp>
 
-#include <support/catch.hpp> // or <catch2/catch_all.hpp>; any framework will do
+#if __has_include(<catch2/catch_all.hpp>)
+    #include <catch2/catch_all.hpp> // version 3; any framework will do
+#else
+    #include <catch2/catch.hpp>
+#endif
 
 #include <optional>
 

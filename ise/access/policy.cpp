@@ -239,7 +239,7 @@ result<void> check_identity(std::string_view text) {
         std::ranges::replace_if(
             readable, [](unsigned char letter) { return letter < 0x20 || letter >= 0x7f; }, '?');
         return failure(errc::invalid_argument,
-                       fmt::format("'{}' is no identity ({}): write it like ise://atirma/shore", readable, why));
+                       fmt::format("'{}' is not an identity ({}): write it like ise://atirma/shore", readable, why));
     };
     constexpr std::string_view scheme = "ise://";
     if (!text.starts_with(scheme)) return wrong("it does not begin with ise://");

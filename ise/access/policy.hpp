@@ -161,7 +161,7 @@ std::string identity_of(const verified_peer& peer, const std::string& own, const
 /// The identity for people: "nobody" where there is none.
 std::string_view shown(std::string_view identity) noexcept;
 
-/// errc::invalid_argument where a text is no identity of a certificate: `ise://SYSTEM/NAME`.
+/// errc::invalid_argument where a text is not an identity of a certificate: `ise://SYSTEM/NAME`.
 result<void> check_identity(std::string_view text);
 
 } // namespace ise::access

@@ -70,7 +70,7 @@ private:
             if (std::ranges::find(known, key.str()) == known.end())
                 problems_.push_back(
                     {key.source().begin.line, key.source().begin.column,
-                     fmt::format("'{}' is not known here; there are {}", key.str(), fmt::join(known, ", "))});
+                     fmt::format("'{}' is not known here; known are {}", key.str(), fmt::join(known, ", "))});
     }
 
     // A text, or an array of them.
@@ -106,9 +106,10 @@ private:
         bool known = text == "nobody" || text.starts_with("ise://") || text.starts_with("unix:") ||
                      text.starts_with("*") || text.starts_with("{");
         if (!known)
-            return wrong(at, fmt::format("'{}' is no identity: write it like ise://atirma/web, unix:1001, @group or "
-                                         "nobody",
-                                         text));
+            return wrong(at,
+                         fmt::format("'{}' is not an identity: write it like ise://atirma/web, unix:1001, @group or "
+                                     "nobody",
+                                     text));
         auto parsed = pattern_of(at, text);
         if (!parsed) return;
         for (const auto& one : parsed->alternatives())

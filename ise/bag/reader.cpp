@@ -133,7 +133,7 @@ result<std::optional<record>> record_reader::next_in_file() {
         if (!is_magic(window_))
             return wrong(errc::malformed, 0,
                          window_.empty() ? "it is empty"
-                                         : "it is no MCAP file: it does not begin with MCAP's magic bytes");
+                                         : "it is not an MCAP file: it does not begin with MCAP's magic bytes");
         at_ = magic.size();
     }
     auto rest = [&] { return bytes_view(window_).subspan(static_cast<std::size_t>(at_ - window_at_)); };

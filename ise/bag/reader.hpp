@@ -101,7 +101,7 @@ enum class depth : std::uint8_t {
     whole, ///< all records, with all CRCs
 };
 
-/// Describes a file. Fails only if it is no MCAP file or cannot be read; damage is described in the summary.
+/// Describes a file. Fails only if it is not an MCAP file or cannot be read; damage is described in the summary.
 result<summary> read_summary(source& from, depth how = depth::index, const reader_limits& limits = reader_limits());
 
 /// Which messages are read.

@@ -37,7 +37,7 @@ public:
     }
     /// Whatever counts there was shorter than this (but for the last bucket).
     static constexpr duration end_of(std::size_t bucket) noexcept {
-        auto units = bucket < 4 ? bucket + 1 : (5 + bucket % 4) << (bucket / 4 - 1);
+        std::uint64_t units = bucket < 4 ? bucket + 1 : (std::uint64_t{5} + bucket % 4) << (bucket / 4 - 1);
         return duration(static_cast<std::int64_t>(units << unit_bits));
     }
 

@@ -24,13 +24,13 @@ component_runner& started(component_runner* runner) {
 component::component() = default;
 component::~component() = default;
 
-const std::string& component::path() const noexcept { return runner_->path(); }
-environment& component::env() const noexcept { return runner_->env(); }
-loop& component::on() const noexcept { return runner_->on(); }
+const std::string& component::path() const { return started(runner_).path(); }
+environment& component::env() const { return started(runner_).env(); }
+loop& component::on() const { return started(runner_).on(); }
 const asio::any_io_executor& component::get_executor() const { return started(runner_).on().get_executor(); }
-const logger& component::log() const noexcept { return runner_->log(); }
+const logger& component::log() const { return started(runner_).log(); }
 component_state component::state() const noexcept { return runner_ ? runner_->state() : component_state::starting; }
-service_host& component::services() const noexcept { return runner_->services(); }
+service_host& component::services() const { return started(runner_).services(); }
 
 void component::serve_role(const std::string& role, std::int32_t priority) {
     started(runner_).serve_role(role, priority);
@@ -86,7 +86,7 @@ struct offloaded {
 
 } // namespace
 
-service_runtime& component_parts::runtime(component& of) noexcept { return of.runner_->services(); }
+service_runtime& component_parts::runtime(component& of) { return started(of.runner_).services(); }
 void component_parts::add(component& to, std::shared_ptr<call_service> service) {
     started(to.runner_).add(std::move(service));
 }

@@ -26,7 +26,7 @@ namespace detail {
 
 /// Parts of the templates of `component`, kept apart so that a derived class does not inherit their names.
 struct component_parts {
-    static service_runtime& runtime(component& of) noexcept;
+    static service_runtime& runtime(component& of);
     static void add(component& to, std::shared_ptr<call_service> service);
     static void add(component& to, std::shared_ptr<publication_core> service);
     static void withdraw(component& from, const std::string& name);
@@ -99,7 +99,9 @@ struct component_parts {
 } // namespace detail
 
 /// An active object: its own flow of execution (`run()`), the services that it provides, and the services of others
-/// that it uses. Derive from it, or pass a coroutine to `node::start`.
+/// that it uses. Derive from it, or pass a coroutine to `node::start`. Its constructor only stores what it is given:
+/// services are provided, used and logged about from `run()` on, before which all members but `state` and
+/// `announce_when_ready` throw ise::error with errc::invalid_argument.
 ///
 /// All code of a component runs on its loop; handlers and `run()` interleave only at `co_await`. When the component is
 /// stopped, its coroutines are cancelled at their next suspension, its sessions are closed, and its name is withdrawn.
@@ -122,19 +124,19 @@ public:
     ~component() override;
 
     /// Its name in the system: "atirma/boat". Empty for an anonymous component.
-    const std::string& path() const noexcept;
+    const std::string& path() const;
     /// The environment of its node.
-    environment& env() const noexcept;
-    /// Its event loop. Available after the start, like all functions below.
-    loop& on() const noexcept;
+    environment& env() const;
+    /// Its event loop.
+    loop& on() const;
     /// The executor of its loop, for Asio's own operations (<ise/asio.hpp>). It lives until the component has stopped.
     const asio::any_io_executor& get_executor() const;
     /// A logger that adds its path, and writes to the sink of its node.
-    const logger& log() const noexcept;
+    const logger& log() const;
     /// Its present state. Call it on its loop; other threads use `node::components()`.
     component_state state() const noexcept;
     /// The service layer of this component, for counts and for lower layers: <ise/service/service_host.hpp>.
-    service_host& services() const noexcept;
+    service_host& services() const;
 
     // --- provided services --------------------------------------------------------------------------------------
 

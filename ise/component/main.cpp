@@ -99,7 +99,8 @@ int obey(std::vector<std::string> words, std::vector<component_type>& types, con
          const std::string& program, const std::string& version) {
     std::string first = words.empty() ? "" : words.front();
     if (first == "--describe") return fmt::print("{}\n", describe_types(program, version, types, again != nullptr)), 0;
-    if (first == "--version") return fmt::print("{} {}\n", program, version), 0;
+    if (first == "--version")
+        return fmt::print("{} {}\n", program, version.empty() ? "(without a version)" : version), 0;
     if (first == "--help" || first == "-h")
         return fmt::print("{}", detail::help_of(program, types, again != nullptr)), 0;
     if (first == "host") {
@@ -147,7 +148,7 @@ component_type& type_among(std::vector<component_type>& types, const std::string
         if (type.about.name == name) return type;
         known += (known.empty() ? "" : ", ") + type.about.name;
     }
-    throw wrong(fmt::format("there is no type '{}'; there are {}", name, known));
+    throw wrong(fmt::format("there is no type '{}'; the types are: {}", name, known));
 }
 
 program_words read_words(const std::vector<std::string>& words, component_type* type) {

@@ -78,7 +78,7 @@ bool fits_kind(const parameter& of, std::string_view value) {
 
 failure not_a_value(const parameter& of, std::string_view value) {
     return {errc::invalid_argument,
-            fmt::format("parameter '{}' cannot be '{}': it is {}", of.name, shown(value), allowed_values(of))};
+            fmt::format("parameter '{}' cannot be '{}': it must be {}", of.name, shown(value), allowed_values(of))};
 }
 
 template <class T>
@@ -222,7 +222,7 @@ result<const parameter*> parameter_set::known(std::string_view name) const {
     for (const auto& one : declared_) names.push_back(one.name);
     auto near = nearest(name, names);
     auto advice = names.empty()  ? "there are none"
-                  : near.empty() ? fmt::format("there are {}", fmt::join(names, ", "))
+                  : near.empty() ? fmt::format("the parameters are: {}", fmt::join(names, ", "))
                                  : fmt::format("did you mean '{}'?", near.front());
     return failure(errc::invalid_argument, fmt::format("there is no parameter '{}'; {}", shown(name), advice));
 }
@@ -240,14 +240,17 @@ result<void> parameter_set::set(std::string_view name, const std::string& value)
     return stores_[place_of(which)](which, value);
 }
 
+std::string variable_of(const parameter& one) {
+    std::string name = "ISE_PARAMETER_";
+    for (char letter : one.name)
+        name += letter == '-' ? '_' : letter >= 'a' && letter <= 'z' ? static_cast<char>(letter - 'a' + 'A') : letter;
+    return name;
+}
+
 result<void> parameter_set::set_from(const std::function<std::optional<std::string>(const std::string&)>& variable) {
     for (const auto& one : declared_) {
         if (!given_[place_of(one)].empty()) continue;
-        std::string name = "ISE_PARAMETER_";
-        for (char letter : one.name)
-            name += letter == '-'                    ? '_'
-                    : letter >= 'a' && letter <= 'z' ? static_cast<char>(letter - 'a' + 'A')
-                                                     : letter;
+        auto name = variable_of(one);
         auto outcome = variable(name);
         if (!outcome) continue;
         auto taken = set(one.name, *outcome);

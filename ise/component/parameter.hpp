@@ -63,6 +63,9 @@ result<void> refuse_value(const parameter& of, const std::string& text);
 std::string parameter_name(std::string_view field);
 } // namespace detail
 
+/// The environment variable that gives a parameter: ISE_PARAMETER_WIND_SPEED for "wind-speed".
+std::string variable_of(const parameter& one);
+
 /// The parameters of one component, bound to the variables that hold their values. The variables outlive it.
 class parameter_set {
 public:

@@ -40,7 +40,7 @@ std::string common_rows() {
         {"--tls=FOLDER", "with ca.pem, certificate.pem and key.pem, for tls:// (default: ISE_TLS)"},
         {"--access=FILE", "with the access policy (default: ISE_ACCESS, else nothing is refused)"},
         {"--audit=FILE", "gets a line of JSON for each refusal and each change allowed (default: ISE_AUDIT)"},
-        {"--demand-credentials=yes", "without key or TLS it listens on this host only (default: no)"},
+        {"--demand-credentials=yes", "refuses to listen beyond this host without a key or TLS (default: no)"},
         {"--metrics=ADDRESS",
          "serves metrics to Prometheus there: a port of the loopback interface, or an address with a "
          "port (default: ISE_METRICS, else none)"},
@@ -73,9 +73,11 @@ std::string help_of(const std::string& program, const component_type& type) {
     std::size_t column = 10;
     for (const auto& one : type.parameters.all())
         column = std::max(column, std::min<std::size_t>(one.name.size() + 2, 25));
-    text += type.parameters.all().empty() ? "\nIt has no parameters.\n"
-                                          : "\nParameters; one that is not given is read from the "
-                                            "environment:\nISE_PARAMETER_WIND_SPEED for --wind-speed.\n";
+    const auto& all = type.parameters.all();
+    text += all.empty() ? "\nIt has no parameters.\n"
+                        : fmt::format("\nParameters; one that is not given is read from the environment:\n"
+                                      "{} for --{}.\n",
+                                      variable_of(all.front()), all.front().name);
     for (const auto& one : type.parameters.all()) text += parameter_row(one, column);
     return wrapped(text + "\nOptions of every type:\n" + common_rows() + "\n" + exit_codes);
 }

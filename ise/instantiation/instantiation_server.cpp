@@ -25,9 +25,8 @@ result<void> may_listen(const endpoint& at, const security& credentials) {
     demanding.demanded = true;
     auto may = demanding.may_listen(at);
     if (may) return {};
-    return failure(
-        may.error().code(),
-        fmt::format("an instantiation server could be told by anybody to start programs: {}", may.error().message()));
+    return failure(may.error().code(),
+                   fmt::format("an instantiation server starts programs: {}", may.error().message()));
 }
 
 /// Each part knows those before it.

@@ -24,7 +24,7 @@ bool lies_in(std::string_view path, std::string_view folder) {
 result<void> may_name_path(const launch_rules& rules, const std::string& path) {
     for (const auto& folder : rules.path_folders)
         if (lies_in(path, folder)) return {};
-    return not_allowed(fmt::format("it is a path below {} (--allow-path)",
+    return not_allowed(fmt::format("it must be a path below {} (--allow-path)",
                                    rules.path_folders.empty()
                                        ? "a folder that this instantiation server allows, and it allows none"
                                        : fmt::format("{}", fmt::join(rules.path_folders, " or "))));

@@ -65,7 +65,7 @@ result<void> set_limit(resource_limits& of, std::string_view name, std::string_v
         return read && check(of) ? result<void>() : wrong_limit(name, text, allowed_cpus);
     }
     return failure(errc::invalid_argument,
-                   fmt::format("there is no limit '{}'; there are pids, memory and cpus", name.substr(0, 80)));
+                   fmt::format("there is no limit '{}'; the limits are pids, memory and cpus", name.substr(0, 80)));
 }
 
 result<void> check(const resource_limits& limits) {

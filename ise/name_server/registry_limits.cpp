@@ -12,7 +12,7 @@ namespace {
 std::optional<std::string> objection_to_path(const std::string& path, const registry_limits& limits) {
     if (path.size() > limits.max_path_bytes)
         return fmt::format("a path of {} bytes, max_path_bytes is {}", path.size(), limits.max_path_bytes);
-    if (!naming::is_path(path)) return "no path of a component: write it like atirma/shore/xbee";
+    if (!naming::is_path(path)) return "not a path of a component: write it like atirma/shore/xbee";
     return std::nullopt;
 }
 

@@ -277,7 +277,7 @@ void lease_registrar::take(naming::grant answer) {
     if (answer.what == verdict::granted && !answer.reason.empty())
         host_.log().warning("the name server has an objection", {{"component", answer.path}, {"cause", answer.reason}});
     if (answer.what == verdict::wait && !waited && !name.answered.waiting())
-        host_.log().warning("the name server does not register this component yet, trying on",
+        host_.log().warning("the name server does not register this component yet; retrying",
                             {{"component", answer.path}, {"cause", answer.reason}});
     // What the server knows nothing of under this lease may go to another meanwhile.
     auto valid = name.registered == 0 ? 0 : name.epoch;
@@ -405,9 +405,10 @@ void lease_registrar::unreachable(const failure& why) {
     obstacle_ = fmt::format("the name server at {} does not answer: {}", servers_, why.message());
     if (confirmed() || host_.scope().stopping() || std::exchange(complained_, true)) return;
     bool holds = std::ranges::any_of(holdings_, [](const auto& entry) { return entry.second->epoch != 0; });
-    host_.log().warning(holds ? "names are unconfirmed: they could not be renewed in time, sessions go on"
-                              : "the name server does not answer, trying on: is ise_name_server running there, and "
-                                "does ISE_NAME_SERVER say where?",
+    host_.log().warning(holds
+                            ? "names are unconfirmed: they could not be renewed in time, sessions go on"
+                            : "the name server is not reached; retrying: is ise_name_server running there, with these "
+                              "credentials, and does ISE_NAME_SERVER say where?",
                         {{"name_server", servers_}, {"cause", why.message()}});
 }
 

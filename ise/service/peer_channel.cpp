@@ -56,7 +56,7 @@ peer_channel::~peer_channel() {
     if (reconnects() && outlived()) return;
     forget_role();
     // Nobody talks to the peer over it any more; a peer that made the session itself keeps it.
-    if (session_ && session_->open() && reconnects() && !runtime().on().abandoned())
+    if (connected() && reconnects() && !runtime().on().abandoned())
         session_->finish(failure(errc::cancelled, "nothing more to say"), std::chrono::seconds(1));
 }
 
@@ -119,7 +119,7 @@ void peer_channel::call(service_key service, duration deadline, const asio::any_
         return of_.calls.fail(call, failure(errc::timed_out, fmt::format("'{}' at {} was called after its deadline",
                                                                          call.service, name_)));
     call.alarm.arm(call.deadline);
-    if (!session_ || !session_->open()) return keep_waiting(call, request);
+    if (!connected()) return keep_waiting(call, request);
     try {
         if (!session_->calls().send(call, request)) of_.calls.fail(call, overloaded(*session_, name_));
     } catch (const error& thrown) {
@@ -178,7 +178,7 @@ failure peer_channel::let_go(pending_call& call, errc why) {
 
 void peer_channel::attach(subscriber_core& subscriber) {
     subscribers_.push_back(&subscriber);
-    if (session_ && session_->open()) {
+    if (connected()) {
         session_->subscriptions().subscribe(subscriber);
     } else if (!reconnects() || runtime().stopping()) {
         subscriber.on_refused(failure(errc::peer_lost, fmt::format("the session with {} has ended", name_)));
@@ -187,6 +187,8 @@ void peer_channel::attach(subscriber_core& subscriber) {
         wake();
     }
 }
+
+bool peer_channel::connected() const noexcept { return session_ && session_->open(); }
 
 void peer_channel::detach(subscriber_core& subscriber) noexcept { std::erase(subscribers_, &subscriber); }
 
@@ -201,12 +203,12 @@ task<result<void>> peer_channel::connect(time_point deadline) {
     alarm.arm(deadline);
     arrivals_.push_back(&arrival);
     auto self = shared_from_this();
-    if (!session_) note_wait({}, nullptr);
+    if (!connected()) note_wait({}, nullptr);
     wake();
-    if (!session_ && !runtime().stopping()) co_await arrival.wait();
+    if (!connected() && !runtime().stopping()) co_await arrival.wait();
     std::erase(arrivals_, &arrival);
     --connectors_;
-    if (session_ && session_->open()) {
+    if (connected()) {
         of_.uses.reached(*this, {}, nullptr);
         co_return result<void>();
     }
@@ -405,14 +407,14 @@ task<result<std::shared_ptr<session>>> peer_channel::reach(location where, durat
 }
 
 void peer_channel::try_next(const failure& why) {
-    if (fixed_.size() < 2 || !session_ || !session_->open()) return;
+    if (fixed_.size() < 2 || !connected()) return;
     runtime().log().info("goes on with the next one", {{"provider", fixed_.front().text()}, {"cause", why.message()}});
     session_->finish(failure(errc::peer_lost, why.message()), duration{});
 }
 
 void peer_channel::on_session_end(session& ended, const failure& cause) {
     if (session_.get() != &ended) { // one that the link has moved away from, which gave back what it had not written
-        if (session_ && session_->open()) {
+        if (connected()) {
             send_waiting();
         } else if (wanted()) {
             wake();
@@ -494,7 +496,7 @@ void peer_channel::forget_role() noexcept {
 void peer_channel::consider_moving() {
     if (!role_ || moving_) return;
     std::optional<role_choice::change> better;
-    if (session_ && session_->open() && !runtime().stopping()) better = role_->choice.better();
+    if (connected() && !runtime().stopping()) better = role_->choice.better();
     if (better) {
         role_->due.arm(std::max(better->at, runtime().on().now()));
     } else {
@@ -524,7 +526,7 @@ task<> peer_channel::move(std::shared_ptr<peer_channel> self) {
     }
     // Meanwhile the present one may have been lost, or the better one.
     std::optional<role_choice::change> still;
-    if (self->role_ && self->session_ && self->session_->open()) still = self->role_->choice.better();
+    if (self->role_ && self->connected()) still = self->role_->choice.better();
     if (still && still->to.path == wanted->to.path && (*made)->open()) {
         self->switch_to(std::move(*made), wanted->to);
     } else {

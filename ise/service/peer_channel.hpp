@@ -104,6 +104,8 @@ public:
 
 private:
     std::shared_ptr<void> share() override { return shared_from_this(); }
+    /// Not where a session has ended and is still to be reported.
+    bool connected() const noexcept;
     bool wanted() const noexcept { return !waiting_.empty() || !subscribers_.empty() || connectors_ > 0; }
     void wake();
     static task<> maintain(std::shared_ptr<peer_channel> self);

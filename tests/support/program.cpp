@@ -19,6 +19,8 @@ extern char** environ; // NOLINT: POSIX says so
 namespace ise_test {
 namespace {
 
+constexpr int most_silence_ms = 400'000; // less than a test may take: what the program has said is told
+
 struct pipe_ends {
     int read = -1, write = -1;
 };
@@ -118,7 +120,9 @@ program::~program() {
 bool program::pump() {
     pollfd both[2] = {{out_, POLLIN, 0}, {err_, POLLIN, 0}}; // negative ones are passed over
     if (out_ < 0 && err_ < 0) return false;
-    if (::poll(both, 2, -1) < 0) return errno == EINTR;
+    const auto ready = ::poll(both, 2, most_silence_ms);
+    if (ready < 0) return errno == EINTR;
+    if (ready == 0) throw std::runtime_error("a program hangs, after: " + so_far_.out + so_far_.err);
     auto take = [](const pollfd& from, int& descriptor, std::string& into) {
         if (from.revents == 0) return;
         char piece[4096];

@@ -33,7 +33,7 @@ class Feeder:
             with sqlite3.connect(self.world.folder / f"{name}.db") as store:
                 return store.execute("SELECT boot, sequence FROM packets").fetchall()
 
-        self.world.until(lambda: len(rows()) >= self.sequence, 5)
+        self.world.until(lambda: len(rows()) >= self.sequence, 30)
         self.log(f"store {name} has " + " ".join(f"{boot}.{sequence}" for boot, sequence in rows()))
 
 

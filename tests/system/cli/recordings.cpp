@@ -117,7 +117,7 @@ TEST_CASE("what bag cannot do is refused with the file and what to do") {
         CHECK(ran.out.empty());
         return ran.err;
     };
-    CHECK_THAT(refused({"info", text}), Contains(text + ": at byte 0: it is no MCAP file"));
+    CHECK_THAT(refused({"info", text}), Contains(text + ": at byte 0: it is not an MCAP file"));
     CHECK_THAT(refused({"info", whole.in.file("none.mcap")}), Contains(whole.in.file("none.mcap")));
     CHECK_THAT(refused({"cat", whole.path, "--only", "atirma/boat/positon"}),
                Contains(whole.path + " has no topic 'atirma/boat/positon', did you mean 'atirma/boat/position'?"));
@@ -175,7 +175,7 @@ TEST_CASE("a recording is played under another name") {
     auto text = whole.in.write("notes.txt", "wind from the north-east");
     auto refused = there.ise({"play", text});
     CHECK(refused.exit_code == 4);
-    CHECK_THAT(refused.err, Contains(text + ": at byte 0: it is no MCAP file"));
+    CHECK_THAT(refused.err, Contains(text + ": at byte 0: it is not an MCAP file"));
 }
 
 TEST_CASE("a recording is not played in the place of a component that runs") {

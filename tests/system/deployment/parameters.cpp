@@ -44,7 +44,7 @@ TEST_CASE("what cannot be set is refused, with what is allowed") {
         return ran.err;
     };
     CHECK_THAT(refusal({"set", "sea/one", "answer", "11"}, 1),
-               Contains("parameter 'answer' cannot be '11': it is a number from 0 to 10 (m)"));
+               Contains("parameter 'answer' cannot be '11': it must be a number from 0 to 10 (m)"));
     CHECK_THAT(refusal({"set", "sea/one", "anwser", "1"}, 1), Contains("has no parameter 'anwser'"));
     CHECK_THAT(refusal({"get", "sea/one", "anwser"}, 1),
                Contains("there is no parameter 'anwser'; did you mean 'answer'?"));
@@ -55,7 +55,7 @@ TEST_CASE("what cannot be set is refused, with what is allowed") {
                Contains("sea/one refuses it: nine is no answer") && !Contains("ise.change_parameters"));
     CHECK_THAT(refusal({"set", "sea/one", "answer"}, 2), Contains("ise param set takes a VALUE"));
     CHECK_THAT(refusal({"list", "sea/one", "answer"}, 2), Contains("ise param list takes no PARAMETER"));
-    CHECK_THAT(refusal({"list", "ise/host/boat"}, 3), Contains("'ise/host/boat' tells of no parameters"));
+    CHECK_THAT(refusal({"list", "ise/host/boat"}, 3), Contains("'ise/host/boat' has no parameters that can be read"));
     CHECK(in.json_of({"call", "sea/one", "ask"})["answer"] == 7);
 }
 
@@ -80,10 +80,10 @@ TEST_CASE("a component that nobody has started is asked itself, and takes parame
     auto wrong = ise_test::run_program({"ise_trouble", "run", "trouble"}, options);
     CHECK(wrong.exit_code == 2);
     CHECK_THAT(wrong.err, Contains("the environment variable ISE_PARAMETER_ANSWER: parameter 'answer' cannot be '50': "
-                                   "it is a number from 0 to 10 (m)"));
+                                   "it must be a number from 0 to 10 (m)"));
     auto said = ise_test::run_program({"ise_trouble", "run", "trouble", "--answer=-1"});
     CHECK(said.exit_code == 2);
-    CHECK_THAT(said.err, Contains("parameter 'answer' cannot be '-1': it is a number from 0 to 10 (m)"));
+    CHECK_THAT(said.err, Contains("parameter 'answer' cannot be '-1': it must be a number from 0 to 10 (m)"));
 }
 
 TEST_CASE("bash completes deployment files, actions and parameters") {

@@ -332,7 +332,7 @@ TEST_CASE("a component that refuses a change, and values that are not allowed, e
         auto wrong = in.ise({command, file});
         CHECK(wrong.exit_code == 2);
         CHECK_THAT(wrong.err,
-                   Contains("sea.toml:8:25: parameter 'answer' cannot be '11': it is a number from 0 to 10 (m)"));
+                   Contains("sea.toml:8:25: parameter 'answer' cannot be '11': it must be a number from 0 to 10 (m)"));
         CHECK_THAT(wrong.err,
                    Contains("sea.toml:8:29: type 'trouble' has no parameter 'anwser'; did you mean 'answer'?"));
     }
@@ -377,7 +377,7 @@ TEST_CASE("hosts that are not there, and files that are none, are told with thei
     CHECK_THAT(three.err, Contains("there is no component 'on'; did you mean 'one'?"));
     auto well = in.ise({"validate", in.file("c.toml", sea(component("one", "boat")))});
     CHECK(well.exit_code == 0);
-    CHECK_THAT(well.out, Contains("c.toml is well formed: sea with 1 component on 2 hosts, all of types"));
+    CHECK_THAT(well.out, Contains("c.toml is valid: sea with 1 component on 2 hosts; all types"));
 }
 
 TEST_CASE("a file is validated without anybody to ask") {

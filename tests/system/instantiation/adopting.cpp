@@ -208,7 +208,7 @@ TEST_CASE("an instantiation server refuses what would make it unsafe") {
         return ran.err;
     };
     CHECK_THAT(refused({"--listen", "tcp://0.0.0.0:0"}),
-               Contains("could be told by anybody to start programs") &&
+               Contains("an instantiation server starts programs") &&
                    Contains("nobody may listen on tcp://0.0.0.0:0 without credentials") && Contains("--key"));
     CHECK_THAT(refused({}, "/nowhere/at/all"), Contains("cannot read the folder /nowhere/at/all"));
     here.open();

@@ -119,14 +119,14 @@ TEST_CASE("what is not allowed is refused with what is") {
                Contains("there is no component type 'truble' here; did you mean 'trouble'? there are trouble"));
     CHECK_THAT(refused({"../ise_trouble"}), Contains("there is no component type"));
     CHECK_THAT(refused({"trouble", "--set", "answer=11"}),
-               Contains("parameter 'answer' cannot be '11': it is a number from 0 to 10 (m)"));
+               Contains("parameter 'answer' cannot be '11': it must be a number from 0 to 10 (m)"));
     CHECK_THAT(refused({"trouble", "--set", "answer=3 --deaf=true"}), Contains("cannot be '3 --deaf=true'"));
     CHECK_THAT(refused({"trouble", "--set", "answer"}), Contains("--set takes NAME=VALUE"));
     CHECK_THAT(refused({"trouble", "--set", "speed=1"}), Contains("has no parameter 'speed'; it has answer, children"));
     CHECK_THAT(refused({"trouble", "--set", "name-server=tcp://127.0.0.1:1"}),
                Contains("has no parameter 'name-server'"));
     CHECK_THAT(refused({"trouble", "--set", "answer=1", "--set", "answer=2"}), Contains("given twice"));
-    CHECK_THAT(refused({"trouble", "--set", "file=/etc/passwd"}), Contains("it is a path below"));
+    CHECK_THAT(refused({"trouble", "--set", "file=/etc/passwd"}), Contains("it must be a path below"));
     CHECK_THAT(refused({"trouble", "sea//one"}), Contains("is not a path of a component"));
     CHECK_THAT(refused({"trouble", "ise/name_server"}), Contains("kept for ISE itself"));
     CHECK_THAT(refused({"trouble", "--listen", "tcp://0.0.0.0:0"}),
@@ -152,9 +152,9 @@ TEST_CASE("a path parameter is allowed in the folders that the server was told")
     here.start("sea/one", {"--set", "file=/dev/null"});
     here.start("sea/two", {"--set", "file=/tmp/x/y"});
     CHECK_THAT(here.ise({"start", "trouble", "sea/three", "--set", "file=/tmp/../etc/passwd"}).err,
-               Contains("it is a path below /dev/null or /tmp"));
+               Contains("it must be a path below /dev/null or /tmp"));
     CHECK_THAT(here.ise({"start", "trouble", "sea/three", "--set", "file=/tmpfile"}).err,
-               Contains("it is a path below"));
+               Contains("it must be a path below"));
 }
 
 TEST_CASE("parameters listen and connect only where the server allows") {

@@ -116,7 +116,7 @@ def refusals(folder):
     refused(folder, 1, "shore/certificate.pem is there already", "issue", "shore")
     refused(folder, 1, "nowhere is no folder of an authority", "issue", "shore/request.pem", "--authority", "nowhere")
     for wrong in ("robots/shore", "ise://robots", "ise://robots/", "ise:///shore", "ise://robots/sh ore", "ise://robots/" + "x" * 65):
-        refused(folder, 2, "is no identity", "request", wrong, "--folder", "new")
+        refused(folder, 2, "is not an identity", "request", wrong, "--folder", "new")
     for wrong in ("a,DNS:b", "a/b", "a..b", ".a", "a b", "\u00e4"):
         refused(folder, 2, "is no name or address of a host", "request", "ise://robots/new", f"--host={wrong}")
     refused(folder, 2, "--days: from 1 to 36500, not 0", "ca", "other", "--authority", "new", "--days", "0")
@@ -144,7 +144,7 @@ def refusals(folder):
         ([*ec, "-addext", "subjectAltName=URI:ise://robots/a,URI:ise://robots/b"], "has several URIs"),
         ([*ec, "-addext", "subjectAltName=URI:ise://robots/a,email:a@b.c"], "no URI, host name or address"),
         ([*ec, "-addext", "subjectAltName=URI:ise://others/a"], "this authority signs for ise://robots/ only"),
-        ([*ec, "-addext", "subjectAltName=URI:http://robots/a"], "is no identity"),
+        ([*ec, "-addext", "subjectAltName=URI:http://robots/a"], "is not an identity"),
         (["-newkey", "rsa:1024", "-addext", "subjectAltName=URI:ise://robots/a"], "is too weak"),
     ):
         openssl(folder, *req, *options)

@@ -145,7 +145,7 @@ TEST_CASE("processes: who listens is told when the boat is not reached any more,
     program echo({"ise", "echo", "atirma/boat", "ground_truth"}, sails.variables());
     REQUIRE_FALSE(echo.read_line().empty());
     sails.kill("boat");
-    CHECK_THAT(echo.read_error_line(), Contains("'atirma/boat' is not reached any more"));
+    CHECK_THAT(echo.read_error_line(), Contains("'atirma/boat' is no longer reachable"));
     sails.run_again("boat");
     auto result = echo.read_error_line() + "\n" + echo.read_error_line(); // in either order
     CHECK_THAT(result, Contains("is reached again") && Contains("the provider restarted"));

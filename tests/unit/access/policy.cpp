@@ -286,7 +286,7 @@ set = [1]
 who = ["web", "{ise://a/b"]
 )");
     CHECK_THAT(many, Contains("3:1: '1001' is no user"));
-    CHECK_THAT(many, Contains("4:") && Contains("'a' is no identity"));
+    CHECK_THAT(many, Contains("4:") && Contains("'a' is not an identity"));
     CHECK_THAT(many, Contains("'who' is missing"));
     CHECK_THAT(many, Contains("6:9: 'atirma/boat' is not PATH:SERVICE"));
     CHECK_THAT(many, Contains("8:7: there is no group 'nowhere'"));
@@ -294,7 +294,7 @@ who = ["web", "{ise://a/b"]
     CHECK_THAT(many, Contains("'max-priority' is a whole number"));
     CHECK_THAT(many, Contains("'begin' is neither start nor stop"));
     CHECK_THAT(many, Contains("12:8: 'set' has texts"));
-    CHECK_THAT(many, Contains("14:8: 'web' is no identity") && Contains("a '{' without its '}'"));
+    CHECK_THAT(many, Contains("14:8: 'web' is not an identity") && Contains("a '{' without its '}'"));
 }
 
 TEST_CASE("access: characters beyond ASCII are for strings and comments, and refused elsewhere with their place") {

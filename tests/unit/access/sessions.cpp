@@ -461,7 +461,7 @@ TEST_CASE("access: a policy that cannot be used from the start is an error with 
     auto made = ise::security::load(process, with);
     REQUIRE_FALSE(made);
     CHECK_THAT(made.error().message(), Contains("no access policy (--access, ISE_ACCESS)") &&
-                                           Contains("access.toml:3:7: 'web' is no identity"));
+                                           Contains("access.toml:3:7: 'web' is not an identity"));
     with.access_file = "nowhere.toml";
     CHECK_FALSE(ise::security::load(process, with));
     with.access_file.clear();

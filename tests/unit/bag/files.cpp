@@ -279,7 +279,7 @@ TEST_CASE("a file that is no recording is refused with its name", "[bag]") {
     auto got = read_summary(*from);
     REQUIRE(!got);
     CHECK(got.error().message() ==
-          "pointer.mcap: at byte 0: it is no MCAP file: it does not begin with MCAP's magic bytes");
+          "pointer.mcap: at byte 0: it is not an MCAP file: it does not begin with MCAP's magic bytes");
     auto none = open_file("/nowhere/at.mcap");
     REQUIRE(!none);
     CHECK(none.error().code() == errc::io_failed);

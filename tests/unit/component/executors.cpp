@@ -19,6 +19,8 @@
 #include <memory>
 #include <thread>
 
+#include <unistd.h>
+
 namespace executors_test {
 
 using namespace sea;
@@ -263,9 +265,11 @@ TEST_CASE("a start that fails says why and leaves nothing behind") {
     harbour here;
     auto& first = here.node.start<beacon>("first", listening_on("tcp://127.0.0.1:0"));
     auto taken = here.at(first);
-    auto for_a_moment = ise::endpoint::parse(GENERATE(from_range(ise_test::usable_here(
-                                                 {"local://@ise-test-leaves-nothing", "inproc://leaves-nothing"}))))
-                            .value();
+    auto for_a_moment =
+        ise::endpoint::parse(
+            GENERATE(from_range(ise_test::usable_here(
+                {"local://@ise-test-leaves-nothing-" + std::to_string(::getpid()), "inproc://leaves-nothing"}))))
+            .value();
     ise::component_options options;
     ise::errc expected{};
     std::string part;

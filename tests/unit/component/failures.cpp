@@ -21,7 +21,42 @@ task<> run_aground(component& self) {
     throw std::runtime_error("aground");
 }
 
+// Uses itself before it was started.
+class hasty final : public component {
+public:
+    explicit hasty(int which) {
+        switch (which) {
+            case 0: provide(echo, [](question) { return reply{}; }); break;
+            case 1: publish(readings); break;
+            case 2: publish_every(readings, 1s, [] { return reading{}; }); break;
+            case 3: log().info("hello"); break;
+            case 4: now(); break;
+            case 5: wall(); break;
+            case 6: path(); break;
+            case 7: spawn("sleep", sleep(1s)); break;
+            case 8: at("atirma/boat"); break;
+            case 9: services(); break;
+            default: break;
+        }
+    }
+
+protected:
+    task<> run() override { co_return; }
+};
+
 } // namespace
+
+TEST_CASE("a component that uses itself in its constructor gets an error that says where it belongs") {
+    auto which = GENERATE(range(0, 10));
+    CAPTURE(which);
+    try {
+        hasty made(which);
+        FAIL("it could be made");
+    } catch (const ise::error& why) {
+        CHECK(why.code() == ise::errc::invalid_argument);
+        CHECK_THAT(std::string(why.what()), ise_test::Contains("do it in run(), not in the constructor"));
+    }
+}
 
 TEST_CASE("an exception that escapes is reported with the component's and the coroutine's name") {
     fleet all;

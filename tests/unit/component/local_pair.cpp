@@ -9,6 +9,8 @@
 
 #include <future>
 
+#include <unistd.h>
+
 namespace local_pair_test {
 
 namespace {
@@ -52,9 +54,10 @@ ise::node_options quiet() {
 } // namespace
 
 TEST_CASE("a component calls and subscribes to another over each transport") {
-    auto where = GENERATE(from_range(ise_test::usable_here(
-        {"tcp://127.0.0.1:0", "tcp://[::1]:0", "udp://127.0.0.1:0", "udp://[::1]:0", "udp://localhost:0",
-         "local://@ise-test-pair", "shm://@ise-test-pair", "inproc://pair"})));
+    auto where = GENERATE(
+        from_range(ise_test::usable_here({"tcp://127.0.0.1:0", "tcp://[::1]:0", "udp://127.0.0.1:0", "udp://[::1]:0",
+                                          "udp://localhost:0", "local://@ise-test-pair-" + std::to_string(::getpid()),
+                                          "shm://@ise-test-pair-" + std::to_string(::getpid()), "inproc://pair"})));
     CAPTURE(where);
     ise::real_environment env;
     ise::node node(env, quiet());
@@ -69,15 +72,16 @@ TEST_CASE("a component calls and subscribes to another over each transport") {
     node.start("atirma/console", [&](ise::component& self) -> ise::task<> {
         auto boat = self.at(at);
         set_mode hold{"hold"};
-        auto reply = co_await boat.call(helm, hold, 2s);
+        auto reply = co_await boat.call(helm, hold, 30s);
         set_mode fly{"fly"};
-        auto no = co_await boat.call(helm, fly, 2s);
+        auto no = co_await boat.call(helm, fly, 30s);
         auto fixes = co_await boat.subscribe(position);
         auto first = co_await fixes.next();
         auto second = co_await fixes.next();
         heard.set_value(fmt::format("{} {} {:.2f} {:.2f} {}", reply.accepted, no.accepted, first->latitude_deg,
                                     second->longitude_deg, second.lost_before().value()));
     });
+    REQUIRE(answer.wait_for(60s) == std::future_status::ready);
     CHECK(answer.get() == "true false 28.15 -15.45 0");
     node.stop();
     node.wait();

@@ -13,6 +13,8 @@
 #include <condition_variable>
 #include <future>
 
+#include <unistd.h>
+
 namespace stalled_test {
 
 using namespace sea;
@@ -38,6 +40,12 @@ private:
     std::mutex mutex_;
     std::condition_variable changed_;
     bool open_ = false;
+};
+
+// Whatever a test throws, the environment does not wait for a thread at a closed gate. After the environment.
+struct opened_at_last {
+    gate& held;
+    ~opened_at_last() { held.open(); }
 };
 
 // Opens a gate when a record holds a text.
@@ -119,6 +127,7 @@ TEST_CASE("a component whose thread is busy is shown as stalled, and its node go
     auto told_stalled = when_told("is stalled", stalled, log);
     auto told_recovered = when_told("goes on", recovered, log);
     ise::real_environment env;
+    opened_at_last guard{release};
     ise::node node(env, options_with([=](const ise::log_record& record) {
                        told_stalled(record);
                        told_recovered(record);
@@ -151,6 +160,7 @@ TEST_CASE("a component whose thread is busy is shown as stalled, and its node go
 TEST_CASE("components that share a loop are shown as stalled together, and go on together") {
     gate first, second, first_goes_on, second_goes_on, release;
     ise::real_environment env;
+    opened_at_last guard{release};
     ise::node node(env, options_with([&](const ise::log_record& record) {
                        auto line = ise::format_line(record);
                        auto result = [&](const char* what, const char* which) {
@@ -176,8 +186,9 @@ TEST_CASE("components that share a loop are shown as stalled together, and go on
 }
 
 TEST_CASE("sessions of a component that computes for many heartbeats last, over every transport") {
-    auto where = GENERATE(from_range(ise_test::usable_here(
-        {"tcp://127.0.0.1:0", "udp://127.0.0.1:0", "local://@ise-test-stalled", "inproc://stalled"})));
+    auto where = GENERATE(from_range(
+        ise_test::usable_here({"tcp://127.0.0.1:0", "udp://127.0.0.1:0",
+                               "local://@ise-test-stalled-" + std::to_string(::getpid()), "inproc://stalled"})));
     INFO(where);
     log_book log;
     ise::real_environment env;
@@ -220,6 +231,7 @@ TEST_CASE("a component that blocks its thread cannot hold its node: it is named 
     census frames;
     {
         ise::real_environment env; // its end waits for the thread
+        opened_at_last guard{release};
         auto options = options_with(log.sink());
         options.grace = 1ms;
         auto node = std::make_unique<ise::node>(env, options);
@@ -250,6 +262,7 @@ TEST_CASE("offloaded work outlives neither its coroutine nor its component, howe
     int result = 0;
     {
         ise::real_environment env;
+        opened_at_last guard{release};
         auto options = options_with(log.sink());
         options.grace = 1ms;
         auto node = std::make_unique<ise::node>(env, options);
@@ -276,6 +289,7 @@ TEST_CASE("offloading keeps the component's thread free") {
     log_book log;
     gate release;
     ise::real_environment env;
+    opened_at_last guard{release};
     ise::node node(env, options_with(log.sink()));
     std::promise<int> done;
     auto& computes = node.start("computes", [&](component& self) -> task<> {
@@ -297,6 +311,7 @@ TEST_CASE("what becomes of the name of a component that was left behind is no co
     gate registered, given_up, release;
     std::atomic<bool> taken{false};
     ise::real_environment env;
+    opened_at_last guard{release};
     ise::node shore(env, options_with(log.sink()));
     ise::component_options where;
     where.listen = {ise::endpoint::parse("tcp://127.0.0.1:0").value()};

@@ -125,7 +125,7 @@ TEST_CASE("who starts a component without a name server is told what is missing"
     options.log = all.log.sink();
     ise::node node(all.process("boat"), options);
     node.start<beacon>("beacon");
-    CHECK(all.world.run_until([&] { return all.log.has("does not answer", "ise_name_server"); }, 1min));
+    CHECK(all.world.run_until([&] { return all.log.has("is not reached; retrying", "ise_name_server"); }, 1min));
     CHECK(all.log.has("ISE_NAME_SERVER", "tcp://boat:7400"));
 }
 

@@ -325,12 +325,12 @@ environment = { BOAT = "x" }
 )"));
     CHECK_THAT(text, Contains("sea.toml:5:8: host 'boat' has no component type 'baot'; did you mean 'boat'?"));
     CHECK_THAT(text, Contains("sea.toml:10:16: type 'boat' has no parameter 'sped'; did you mean 'speed'?"));
-    CHECK_THAT(text, Contains("parameter 'course' cannot be 'T3': it is one of T1, T2"));
+    CHECK_THAT(text, Contains("parameter 'course' cannot be 'T3': it must be one of T1, T2"));
     CHECK_THAT(text, Contains("parameter 'speed' of type 'boat' takes one value, not 2"));
-    CHECK_THAT(text, Contains("parameter 'address' cannot be 'xyz': it is 1 to 16 hexadecimal digits"));
+    CHECK_THAT(text, Contains("parameter 'address' cannot be 'xyz': it must be 1 to 16 hexadecimal digits"));
     CHECK_THAT(text, Contains("type 'boat' does not let others set the environment variable 'BOAT'"));
     CHECK_THAT(in.wrong(two("parameters={speed=41}\n")),
-               Contains("sea.toml:7:19: parameter 'speed' cannot be '41': it is a number from 0 to 40 (m/s)"));
+               Contains("sea.toml:7:19: parameter 'speed' cannot be '41': it must be a number from 0 to 40 (m/s)"));
 }
 
 TEST_CASE("a type that a host does not have is told once, by the host's name in the file") {

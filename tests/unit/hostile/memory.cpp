@@ -79,6 +79,7 @@ constexpr int has_no_limit = 77;
 
 // Ends with the exit code, without ending the loop.
 [[noreturn]] void serve_with_little_memory() {
+    ::alarm(60);
     std::set_terminate([] { ::_exit(3); });
     ise::real_environment env;
     auto host = env.make_loop("boat");

@@ -84,7 +84,7 @@ TEST_CASE("a request becomes a program and its words") {
 
 TEST_CASE("each parameter is refused with what is allowed") {
     CHECK(refusal(request({{"speed", "41"}})) ==
-          "type 'boat': parameter 'speed' cannot be '41': it is a number from 0 to 40 (m/s)");
+          "type 'boat': parameter 'speed' cannot be '41': it must be a number from 0 to 40 (m/s)");
     for (const char* value : {"nan", "inf", "", " 1", "1 ", "0x10", "1e400", "--x", "1\n"})
         CHECK(refusal(request({{"speed", value}})) != "it was allowed");
     CHECK_THAT(refusal(request({{"course", "T3"}})), Contains("it is one of T1, T2"));
@@ -109,7 +109,7 @@ TEST_CASE("paths are allowed only below the folders of the rules") {
         CHECK(refusal(request({{"log", good}}), rules) == "it was allowed");
     for (const char* bad :
          {"/database", "/", "/data/../etc", "/data/x/..", "data/x", "../data", "/dev/ttyUSB00", "/dev/ttyUSB1", "~/x"})
-        CHECK_THAT(refusal(request({{"log", bad}}), rules), Contains("it is a path below /data/ or /dev/ttyUSB0"));
+        CHECK_THAT(refusal(request({{"log", bad}}), rules), Contains("it must be a path below /data/ or /dev/ttyUSB0"));
     CHECK_THAT(refusal(request({{"log", "/data/x"}})), Contains("it allows none"));
 }
 
@@ -253,7 +253,8 @@ TEST_CASE("the rules check each file that the URL of a database names") {
         CHECK(with(good) == "it was allowed");
     for (const char* bad : {"/etc/key.pem", "%2Fetc%2Fkey.pem", "/data/../etc/key.pem", "/data/%2e%2e/etc/key.pem",
                             "/data%2F..%2Fetc", "key.pem", "~/key.pem", "/database/x"})
-        CHECK_THAT(with(bad), Contains("in it is not allowed: it is a path below /data or /my files (--allow-path)"));
+        CHECK_THAT(with(bad),
+                   Contains("in it is not allowed: it must be a path below /data or /my files (--allow-path)"));
     CHECK_THAT(with("/data/x&" + std::string(parameter) + "=/etc/x"), Contains("the file '/etc/x' in it"));
     CHECK_THAT(with("/data/x", {}), Contains("it allows none (--allow-path)"));
     for (const char* bad : {"/data/%zz", "/data/%", "/data/%2", "/data/x%00.pem", "/data/%+1"})
@@ -365,7 +366,7 @@ TEST_CASE("values are stored where they belong") {
     ise::parameter_set small;
     small.add("mode", values.mode, "");
     CHECK(small.set("mode", "256").error().message() ==
-          "parameter 'mode' cannot be '256': it is an integer from 0 to 255");
+          "parameter 'mode' cannot be '256': it must be an integer from 0 to 255");
 }
 
 } // namespace catalogue_test

@@ -56,7 +56,7 @@ TEST_CASE("limits are read from texts, and refused with what is allowed") {
     CHECK_THAT(set_limit(limits, "memory", "1 kB").error().message(), Contains("not '1 kB'"));
     for (const char* wrong : {"", "0", "-1", "1.5", "99999", "many"}) CHECK_FALSE(set_limit(limits, "pids", wrong));
     for (const char* wrong : {"", "0", "-1", "nan", "1e9", "1 cpu"}) CHECK_FALSE(set_limit(limits, "cpus", wrong));
-    CHECK_THAT(set_limit(limits, "disk", "1").error().message(), Contains("there are pids, memory and cpus"));
+    CHECK_THAT(set_limit(limits, "disk", "1").error().message(), Contains("the limits are pids, memory and cpus"));
 }
 
 TEST_CASE("a record is read as it was written, or not at all") {

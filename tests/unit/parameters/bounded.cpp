@@ -99,7 +99,7 @@ TEST_CASE("the fields of a packet are parameters, with the ranges and units of t
     CHECK(of.wind_speed == 13);
     auto wrong = set.change("wind-speed", "41");
     REQUIRE_FALSE(wrong);
-    CHECK(wrong.error().message() == "parameter 'wind-speed' cannot be '41': it is a number from 0 to 40 (m/s)");
+    CHECK(wrong.error().message() == "parameter 'wind-speed' cannot be '41': it must be a number from 0 to 40 (m/s)");
     CHECK(of.wind_speed == 13);
     CHECK_FALSE(set.set("crew", "0"));
     CHECK_FALSE(set.set("crew", "3.5"));

@@ -122,7 +122,8 @@ TEST_CASE("what is not allowed is refused with what is, and nothing of it happen
             std::string says;
         };
         std::vector<trial> trials{
-            {{{"from", "90"}, {"speed", "41"}}, "parameter 'speed' cannot be '41': it is a number from 0 to 40 (m/s)"},
+            {{{"from", "90"}, {"speed", "41"}},
+             "parameter 'speed' cannot be '41': it must be a number from 0 to 40 (m/s)"},
             {{{"spead", "4"}}, "there is no parameter 'spead'; did you mean 'speed'?"},
             {{{"seed", "4"}}, "parameter 'seed' cannot be changed while the component runs, only speed, from, name"},
             {{{"speed", "4"}, {"speed", "5"}}, "parameter 'speed' is given twice"},
@@ -193,7 +194,7 @@ TEST_CASE("what is not given comes from the environment") {
     auto wrong = other.parameters.set_from(look);
     REQUIRE(!wrong);
     CHECK(wrong.error().message() == "the environment variable ISE_PARAMETER_SPEED: parameter 'speed' cannot be "
-                                     "'fast': it is a number from 0 to 40 (m/s)");
+                                     "'fast': it must be a number from 0 to 40 (m/s)");
 }
 
 TEST_CASE("roles are written with their priority") {

@@ -1,6 +1,7 @@
 // Links that come and go: exact gaps over every cut, and nothing stale over a slow relay.
 #include <support/boat_services.hpp>
 #include <support/catch.hpp>
+#include <support/raw_peer.hpp>
 #include <support/relay_kinds.hpp>
 #include <support/sim_parties.hpp>
 
@@ -46,6 +47,26 @@ void publish(party& by, const ise::publication<ise::subscription<fix>>& fixes, d
     ise::loop::turn in(by.on);
     fix here{latitude, 0, 0};
     fixes(here);
+}
+
+ise::task<> accept_all(ise::listener& at, std::unique_ptr<ise::stream>& into) {
+    for (;;) {
+        auto came = co_await at.accept();
+        if (came.first) co_return;
+        into = std::move(came.second);
+    }
+}
+
+// The number of tries until the way says what is wrong.
+ise::task<int> ask_then_connect(ise::remote to, int most) {
+    set_mode request{"hold"};
+    (co_await to.try_call(helm, request, 60s)).value();
+    auto& on = to.way().runtime().on();
+    for (int tries = 0; tries < most; ++tries) {
+        auto made = co_await to.way().connect(on.now() + 20ms);
+        if (made || !to.way().obstacle().empty()) co_return tries;
+    }
+    co_return most;
 }
 
 } // namespace
@@ -181,6 +202,39 @@ TEST_CASE("links: through a relay of 2 kB/s the latest is no older than all buff
     CHECK_FALSE(seen->backwards);
     between->stop();
     all.run_until([&] { return between->ended(); });
+}
+
+TEST_CASE("links: who connects in the turn in which the session has ended waits, and does not try without end") {
+    sim_parties all;
+    auto& shore = all.add("shore");
+    auto host = all.world.host("sea").start_process("sea").make_loop("raw");
+    auto where = ise::endpoint::parse("tcp://0.0.0.0:7400").value();
+    auto ear = where.kind->listen(host->loop(), where, ise::security()).value();
+    std::unique_ptr<ise::stream> line;
+    auto accepting = start(host->loop(), accept_all(*ear, line));
+    auto calling = start(shore.on, ask_then_connect(shore.at("tcp://sea:7400"), 1000));
+    REQUIRE(all.run_until([&] { return line != nullptr; }));
+    raw_peer peer(all, std::move(host), std::move(line));
+    using ise::wire::frame_type;
+    REQUIRE(all.run_until([&] { return peer.count(frame_type::hello) == 1; }));
+    ise::wire::welcome welcome;
+    welcome.self.incarnation = 1;
+    peer.say(frame_type::welcome, 0, welcome);
+    REQUIRE(all.run_until([&] { return peer.count(frame_type::request) == 1; }));
+    ise::buffer together; // so that both come in one turn
+    auto put = [&](frame_type type, std::uint64_t id, const auto& packet) {
+        ise::wire::put_frame(together, type, 0, id, [&](ise::buffer& body) { encode(packet, body); });
+    };
+    put(frame_type::reply, peer.last(frame_type::request)->header.id, mode_set{true, ""});
+    put(frame_type::goodbye, 0, ise::wire::farewell{1, "bye"});
+    peer.say(together.view());
+    CHECK(all.run_until([&] { return calling->done; }));
+    CHECK(calling->get() < 10);
+    shore.scope.stop();
+    ear->close();
+    all.run_until([&] { return accepting->done; });
+    line.reset(); // of a further attempt
+    ear.reset();  // before the peer, whose loop they are on
 }
 
 } // namespace links_test
