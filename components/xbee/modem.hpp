@@ -75,6 +75,7 @@ private:
     bool seen_before(const radio_packet& packet);
     void deliver(instant now, const radio_packet& packet);
     // modem_serial.cpp: frames, commands, command mode
+    void follow_api_mode();
     void put(const frame& f);
     void put_text(std::string_view text);
     void on_frame(instant now, const frame& f);
@@ -91,6 +92,7 @@ private:
 
     modem_options options_;
     double temperature_c_;
+    std::uint64_t line_mode_; // register AP as the serial line follows it: an answer comes in the mode before
     frame_decoder decoder_;
     duty_cycle duty_;
     radio_random random_;
