@@ -93,11 +93,14 @@ void boat_simulator::make_boat() {
         made.clock_off =
             std::chrono::round<std::chrono::milliseconds>(std::chrono::duration<double>(options_.clock_off_s));
     made.seed = options_.seed;
-    if (!options_.gprs.empty()) {
-        double period_s = options_.gprs_period_s;
-        if (period_s != 0) in_range("the period of telemetry over GPRS in seconds", period_s, 0.5, 86400);
-        made.telemetry_period_s[static_cast<std::size_t>(link_id::gprs)] = period_s;
-    }
+    auto set_period = [&made](link_id link, const char* what, double period_s) {
+        if (period_s != 0) in_range(what, period_s, 0.5, 86400);
+        made.telemetry_period_s[static_cast<std::size_t>(link)] = period_s;
+    };
+    if (!options_.gprs.empty())
+        set_period(link_id::gprs, "the period of telemetry over GPRS in seconds", options_.gprs_period_s);
+    if (!options_.iridium.port.device.empty())
+        set_period(link_id::iridium, "the period of telemetry over Iridium in seconds", options_.iridium.period_s);
     made.limits = read_limits();
     made.raw_telecommands = options_.raw_telecommands;
     made.second.reset();

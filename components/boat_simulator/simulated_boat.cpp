@@ -58,7 +58,7 @@ void simulated_boat::resume(const remembered_boat& from) {
         (void)pilot_.set_parameter(static_cast<parameter_id>(i), from.parameters[i]);
     if (from.active < from.list.size()) (void)pilot_.select(from.active, state_);
     for (std::size_t i = 0; i < link_count; ++i)
-        schedule_.set_period(static_cast<link_id>(i), from.telemetry_period_s[i], 0);
+        if (from.telemetry_period_s[i]) set_commanded_period(static_cast<link_id>(i), *from.telemetry_period_s[i]);
     pilot_.set_mode(from.mode, state_, to_vector(wind_->at(0)));
 }
 
@@ -77,9 +77,13 @@ remembered_boat simulated_boat::remember() const {
     made.beacon = beacon_;
     for (std::size_t i = 0; i < parameter_count; ++i)
         made.parameters[i] = pilot_.parameter(static_cast<parameter_id>(i));
-    for (std::size_t i = 0; i < link_count; ++i)
-        made.telemetry_period_s[i] = schedule_.period_s(static_cast<link_id>(i));
+    made.telemetry_period_s = commanded_period_s_;
     return made;
+}
+
+void simulated_boat::set_commanded_period(link_id link, double period_s) {
+    commanded_period_s_[static_cast<std::size_t>(link)] = period_s;
+    schedule_.set_period(link, period_s, now_s_);
 }
 
 void simulated_boat::advance(model_time now) {

@@ -29,7 +29,7 @@ struct remembered_boat {
     std::uint8_t active = 0;
     bool beacon = false;
     std::array<float, parameter_count> parameters{};
-    std::array<double, link_count> telemetry_period_s{};
+    std::array<std::optional<double>, link_count> telemetry_period_s{}; ///< those that a telecommand has set
 };
 
 struct boat_options {
@@ -41,7 +41,7 @@ struct boat_options {
     /// Error of the boat's clock, which then is not set by GPS; nothing: GPS sets it, and it is right.
     std::optional<std::chrono::milliseconds> clock_off;
     std::uint16_t boot = 1;
-    std::array<double, link_count> telemetry_period_s{2, 0, 0}; ///< at the start, by link_id; 0 is off
+    std::array<double, link_count> telemetry_period_s{2, 0, 0}; ///< until a telecommand changes it; 0 is off
     std::optional<remembered_boat> resumed; ///< continues from there, in the next boot; `course`, `start` and
                                             ///< `boot` are ignored then
     std::vector<acknowledgement> executed; ///< telecommands of before, oldest first: repetitions of them change nothing
@@ -151,6 +151,7 @@ private:
     void observe_from_second(double dt_s);
     void start_again(reset_cause why);
     void set_failing(bool& what, bool works, reset_cause why);
+    void set_commanded_period(link_id link, double period_s);
     void emit_due();
     void emit(link_id link, const telemetry_body& body);
     void emit(link_id link, packet_type type);
@@ -173,6 +174,7 @@ private:
     autopilot pilot_;
     boat_guard guard_;
     telemetry_schedule schedule_;
+    std::array<std::optional<double>, link_count> commanded_period_s_; // by a telecommand; the others are the options'
     boat_state state_;
     actuators set_;
     std::optional<remote_helm> remote_;

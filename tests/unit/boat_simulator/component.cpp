@@ -1,0 +1,80 @@
+// The component on virtual time: its memory, its links without a modem, its clock.
+#include <components/boat_simulator/boat_memory.hpp>
+#include <components/boat_simulator/boat_simulator.hpp>
+
+#include <ise/component/node.hpp>
+#include <ise/sim/world.hpp>
+
+#include <support/catch.hpp>
+#include <support/damaged_file.hpp>
+
+namespace component_test {
+
+using namespace atirma;
+using namespace std::chrono_literals;
+
+namespace {
+
+/// A boat of the virtual world, whose memory is a file.
+struct sea {
+    sea() : world(1) {
+        options.port.device.clear();
+        options.memory_file = disk.file();
+        options.gusts = false;
+    }
+    void start() {
+        process = &world.host("boat").start_process("boat", [this](ise::sim::process& here) -> std::shared_ptr<void> {
+            ise::node_options terms;
+            terms.use_names = false;
+            terms.log = log.sink();
+            ise::component_options nowhere;
+            nowhere.listens = false;
+            auto node = std::make_shared<ise::node>(here, terms);
+            boat = &node->start<boat_simulator>("atirma/boat", nowhere, options);
+            return node;
+        });
+    }
+    void crash() {
+        boat = nullptr;
+        process->crash();
+        world.run_for(1s);
+    }
+    boat_memory memory() { return boat_memory::open(disk.file()).value(); }
+
+    damaged_file::folder disk{"boat-component"};
+    damaged_file::log_lines log;
+    ise::sim::world world;
+    boat_simulator_options options;
+    ise::sim::process* process = nullptr;
+    const boat_simulator* boat = nullptr;
+};
+
+telecommand clear_list(std::uint32_t id) {
+    telecommand made;
+    made.id = id;
+    made.command = commands::waypoint_clear();
+    return made;
+}
+
+} // namespace
+
+TEST_CASE("boat simulator: the period of Iridium is the option's, whoever has the authority") {
+    sea it;
+    {
+        simulator::boat_options before;
+        simulator::simulated_boat boat(before, simulator::constant_wind({6, 45}));
+        auto order = clear_list(1);
+        order.authority = 4;
+        auto done = boat.execute(order);
+        it.memory().keep(boat.remember(), std::span(&done, 1)).value();
+    }
+    it.options.iridium.port.device = "/dev/no-modem";
+    it.options.iridium.period_s = 1200;
+    it.start();
+    it.world.run_for(10s);
+    CHECK(it.boat->boat()->authority() == 4);
+    CHECK(it.boat->boat()->telemetry_period_s(link_id::iridium) == 1200);
+    CHECK(it.boat->boat()->executed().size() == 1); // nobody has told it anything
+}
+
+} // namespace component_test
