@@ -126,7 +126,7 @@ ise::task<> boat_simulator::run() {
     if (!options_.port.device.empty()) {
         port_ = std::make_unique<xbee::modem_port>(on(), log(), options_.port);
         backlog_.emplace(now());
-        for (auto& raw : std::exchange(not_receipted_, {})) backlog_->restore(std::move(raw));
+        for (auto& raw : std::exchange(not_receipted_, {})) backlog_->put_held(std::move(raw));
         asked_duty_.reset();
         ask_duty_at_ = now();
         port_->on_event = [this](const xbee::client_event& event) { on_radio_event(event); };
@@ -237,6 +237,7 @@ void boat_simulator::send() {
     ask_duty_cycle();
     auto gone = backlog_->take_given_up();
     if (memory_ && !gone.empty()) kept(memory_->forget(gone));
+    if (!port_->modem_ready()) return hold_telemetry();
     while (port_->modem_ready() && port_->in_hand() < in_hand_at_most) {
         auto raw = boat_->take_packet(link_id::xbee);
         bool telemetry = raw.empty() || classify(raw) == packet_class::telemetry;
@@ -245,9 +246,8 @@ void boat_simulator::send() {
             raw = backlog_->next(now());
             if (raw.empty()) return;
         } else if (telemetry) {
-            auto message = parse_telemetry(raw);
             bool goes = backlog_->put(now(), raw);
-            if (memory_ && message) kept(memory_->put({message->header.boot, message->header.sequence}, raw));
+            keep_until_receipt(raw);
             if (!goes) continue;
         }
         auto taken = port_->send(options_.shore_address, sealed(link_id::xbee, raw), send_time);
@@ -256,6 +256,19 @@ void boat_simulator::send() {
         if (telemetry) backlog_->not_taken(raw);
         return;
     }
+}
+
+/// The boat's own queue is short, and loses its oldest packets.
+void boat_simulator::hold_telemetry() {
+    for (auto& raw : boat_->take_telemetry(link_id::xbee)) {
+        keep_until_receipt(raw);
+        backlog_->put_held(std::move(raw));
+    }
+}
+
+void boat_simulator::keep_until_receipt(const ise::bytes& raw) {
+    if (!memory_) return;
+    if (auto message = parse_telemetry(raw)) kept(memory_->put({message->header.boot, message->header.sequence}, raw));
 }
 
 void boat_simulator::ask_duty_cycle() {

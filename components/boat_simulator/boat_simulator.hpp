@@ -81,6 +81,8 @@ private:
     void kept(const ise::result<void>& outcome);
     void tell_executed();
     void send();
+    void hold_telemetry();
+    void keep_until_receipt(const ise::bytes& raw);
     void ask_duty_cycle();
     void on_receipt(ise::bytes_view raw);
     void send_uplink();

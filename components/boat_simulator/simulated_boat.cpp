@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace atirma::simulator {
 namespace {
@@ -286,6 +287,10 @@ ise::bytes simulated_boat::take_packet(link_id link) {
     ise::bytes raw = std::move(packets.front());
     packets.pop_front();
     return raw;
+}
+
+std::deque<ise::bytes> simulated_boat::take_telemetry(link_id link) {
+    return std::exchange(queues_[static_cast<std::size_t>(link)].telemetry, {});
 }
 
 void simulated_boat::set_link_status(const link_status& status) {

@@ -87,6 +87,8 @@ public:
     std::vector<ise::bytes> take_packets(link_id link);
     /// The same one by one, for a sender with its own pace. Empty bytes if there is none.
     ise::bytes take_packet(link_id link);
+    /// The telemetry without the acknowledgements, oldest first.
+    std::deque<ise::bytes> take_telemetry(link_id link);
     double telemetry_period_s(link_id link) const { return schedule_.period_s(link); } ///< 0 is off
     std::size_t queued(link_id link) const {
         const auto& waiting = queues_[static_cast<std::size_t>(link)];

@@ -58,6 +58,17 @@ telecommand clear_list(std::uint32_t id) {
 
 } // namespace
 
+TEST_CASE("boat simulator: telemetry of the time without a modem is kept, and none is dropped") {
+    sea it;
+    it.options.port.device = "/dev/no-modem";
+    it.start();
+    it.world.run_for(20min);
+    CHECK(it.boat->radio_waiting() > 1200);
+    CHECK(it.boat->boat()->queued(link_id::xbee) == 0);
+    it.crash();
+    CHECK(it.memory().not_receipted().value().size() > 1200);
+}
+
 TEST_CASE("boat simulator: the period of Iridium is the option's, whoever has the authority") {
     sea it;
     {
