@@ -80,10 +80,18 @@ void sbd_client::on_bytes(ise::time_point now, ise::bytes_view in) {
 
 /// The answer to AT+SBDRB: u16 length, data, u16 sum; only then text again.
 void sbd_client::binary(ise::time_point now) {
-    if (std::to_integer<unsigned>(binary_[0]) > max_mt_bytes / 256) { // what is left of the line before
+    if (std::to_integer<unsigned>(binary_[0]) > max_mt_bytes / 256) { // what is left of the line before, or a ring
+        auto c = std::to_integer<char>(binary_[0]);
         binary_.clear();
+        if (c != '\r' && c != '\n') {
+            if (line_.size() < max_line) line_ += c;
+        } else if (std::exchange(line_, {}) == "SBDRING") {
+            rang_ = true;
+            check(now);
+        }
         return;
     }
+    line_.clear();
     if (binary_.size() < 2) return;
     auto size = std::to_integer<std::size_t>(binary_[0]) * 256 + std::to_integer<std::size_t>(binary_[1]);
     if (size > max_mt_bytes) return lost_modem(now, "the modem sent no message where one was asked for");
