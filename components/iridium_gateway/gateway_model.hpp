@@ -50,7 +50,8 @@ public:
 
     /// RockBLOCK's answer. `ring`: the modem to be alerted then.
     iridium::mt_reply submit(ise::time_point now, const iridium::mt_submission& what, std::string& ring);
-    /// Queues a message by whichever way: its place (1…50), or one of DirectIP's errors.
+    /// Queues a message by whichever way: its place (1…50), 0 for a flush without a message, or one of DirectIP's
+    /// errors.
     struct queued {
         int status = 0;
         std::uint16_t mtmsn = 0;
