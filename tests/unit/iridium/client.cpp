@@ -225,6 +225,35 @@ TEST_CASE("iridium: a ring before the message that is fetched is heard") {
     CHECK(got == std::vector<std::string>{"hi"});
 }
 
+TEST_CASE("iridium: a modem that answers ERROR to AT is asked again after a pause") {
+    sbd_client client;
+    ise::time_point now{1h};
+    client.start(now);
+    std::size_t asked = 0, told = 0;
+    for (auto end = now + 60s; now < end;) {
+        bool quiet = client.take_output().empty();
+        if (!quiet) {
+            ++asked;
+            client.on_bytes(now, ise::as_bytes("\r\nERROR\r\n"));
+            REQUIRE(asked < 100);
+        }
+        while (auto event = client.take_event()) told += std::holds_alternative<sbd_silent>(*event) ? 1 : 0;
+        if (!quiet) continue;
+        REQUIRE(client.next_event() > now);
+        now = std::min(end, client.next_event());
+        client.on_time(now);
+    }
+    CHECK(asked == 12); // each 5 s
+    CHECK(told == 1);
+    client.on_bytes(now, {});
+    // It is another modem, or has come to its senses.
+    for (int i = 0; i < 12 && !client.ready(); ++i) {
+        if (!client.take_output().empty()) client.on_bytes(now, ise::as_bytes("\r\nOK\r\n"));
+        else client.on_time(now = client.next_event());
+    }
+    CHECK(client.ready());
+}
+
 TEST_CASE("iridium: a modem that falls silent is asked on, and serves again when it is back") {
     pair_on_a_line it;
     it.connected = false;
