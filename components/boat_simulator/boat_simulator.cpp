@@ -179,7 +179,11 @@ void boat_simulator::sail() {
     boat_->set_link_status(radio_status());
     if (uplink_) boat_->set_link_status(uplink_status());
     if (iridium_) boat_->set_link_status(iridium_->status());
-    boat_->advance(model_now());
+    // Taken before the model's time: a pause between the two must not set the boat's clock forward.
+    auto utc = std::chrono::floor<std::chrono::milliseconds>(wall());
+    auto time = model_now();
+    boat_->follow_clock(time, utc);
+    boat_->advance(time);
     if (beacon_) beacon_->carry(*boat_->second());
     if (uplink_) uplink_->set_power(!boat_->fails());
     if (boat_->fails()) return; // its modems have no power, or nobody uses them

@@ -272,6 +272,14 @@ utc_time simulated_boat::clock_now() const {
            std::chrono::milliseconds(std::llround(passed_ms));
 }
 
+void simulated_boat::follow_clock(model_time now, utc_time utc) {
+    constexpr std::chrono::seconds tolerance{1};
+    if (options_.clock_off) return;
+    auto passed_ms = std::chrono::duration<double, std::milli>(now).count() * options_.clock_rate;
+    auto ahead = utc - (options_.epoch + std::chrono::milliseconds(std::llround(passed_ms)));
+    if (ahead > tolerance) options_.epoch += ahead;
+}
+
 packet_header simulated_boat::next_header() { return {boot_, sequence_++, clock_now()}; }
 
 std::vector<ise::bytes> simulated_boat::take_packets(link_id link) {

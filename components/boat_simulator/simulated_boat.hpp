@@ -145,6 +145,9 @@ public:
     std::uint64_t late_count() const { return late_count_; }         ///< telecommands refused as expired
     /// By its own clock, which never goes back within a boot.
     utc_time clock_now() const;
+    /// At model time `now` the clock that sets the boat's shows `utc`. The boat's follows it where that one is more
+    /// than 1 s ahead, and never goes back. One with `clock_off` follows nothing.
+    void follow_clock(model_time now, utc_time utc);
 
 private:
     void resume(const remembered_boat& from);

@@ -88,4 +88,42 @@ TEST_CASE("boat simulator: the period of Iridium is the option's, whoever has th
     CHECK(it.boat->boat()->executed().size() == 1); // nobody has told it anything
 }
 
+TEST_CASE("boat simulator: its clock follows one that is set forward, and never goes back within a boot") {
+    for (double speedup : {1.0, 20.0, 0.1}) {
+        sea it;
+        it.options.speedup = speedup;
+        it.start();
+        it.world.run_for(60s);
+        auto behind = [&] {
+            return std::chrono::duration_cast<std::chrono::milliseconds>(it.process->wall() -
+                                                                         it.boat->boat()->clock_now());
+        };
+        CAPTURE(speedup, behind().count());
+        CHECK(behind() <= 1200ms);
+        it.process->set_wall_offset(1h);
+        it.world.run_for(10s);
+        CHECK(behind() >= 0ms);
+        CHECK(behind() <= 1200ms);
+        it.process->set_wall_offset(0s);
+        auto before = it.boat->boat()->clock_now();
+        it.world.run_for(10s);
+        CHECK(it.boat->boat()->clock_now() - before == 10s);
+        it.process->set_wall_offset(1h);
+        it.world.run_for(10s);
+        CHECK(behind() <= 1200ms);
+        CHECK(behind() >= -10ms);
+    }
+}
+
+TEST_CASE("boat simulator: a clock that no GPS sets follows no other one") {
+    sea it;
+    it.options.clock_off_s = -300;
+    it.start();
+    it.world.run_for(60s);
+    it.process->set_wall_offset(1h);
+    auto before = it.boat->boat()->clock_now();
+    it.world.run_for(10s);
+    CHECK(it.boat->boat()->clock_now() - before == 10s);
+}
+
 } // namespace component_test
