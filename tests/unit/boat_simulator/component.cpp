@@ -8,6 +8,11 @@
 #include <support/catch.hpp>
 #include <support/damaged_file.hpp>
 
+#include <array>
+#include <fstream>
+#include <string>
+#include <vector>
+
 namespace component_test {
 
 using namespace atirma;
@@ -38,6 +43,18 @@ struct sea {
         boat = nullptr;
         process->crash();
         world.run_for(1s);
+    }
+    /// All but its first page, whoever has it open.
+    void damage_memory() {
+        const std::array<std::string_view, 2> as_it_is{};
+        auto other = ise::database::open(disk.file(), as_it_is).value();
+        other.execute("UPDATE boat SET one = 1").value(); // so that the boat reads again
+        other.query("PRAGMA wal_checkpoint(TRUNCATE)").value();
+        std::fstream out(disk.file(), std::ios::in | std::ios::out | std::ios::binary);
+        out.seekp(0, std::ios::end);
+        auto size = static_cast<std::size_t>(out.tellp());
+        out.seekp(4096);
+        out << std::string(size - 4096, 'x');
     }
     boat_memory memory() { return boat_memory::open(disk.file()).value(); }
 
@@ -86,6 +103,28 @@ TEST_CASE("boat simulator: the period of Iridium is the option's, whoever has th
     CHECK(it.boat->boat()->authority() == 4);
     CHECK(it.boat->boat()->telemetry_period_s(link_id::iridium) == 1200);
     CHECK(it.boat->boat()->executed().size() == 1); // nobody has told it anything
+}
+
+TEST_CASE("boat simulator: a memory that is damaged while it sails is replaced by one with all telecommands executed") {
+    sea it;
+    {
+        simulator::boat_options before;
+        simulator::simulated_boat boat(before, simulator::constant_wind({6, 45}));
+        for (std::uint32_t id : {11u, 12u, 13u}) boat.execute(clear_list(id));
+        std::vector<acknowledgement> done(boat.executed().begin(), boat.executed().end());
+        it.memory().keep(boat.remember(), done).value();
+    }
+    it.start();
+    it.world.run_for(30s);
+    CHECK(it.boat->boat()->executed().size() == 3);
+    it.damage_memory();
+    it.world.run_for(60s);
+    CHECK(it.disk.set_aside().size() == 1);
+    it.crash();
+    auto kept = it.memory().executed().value();
+    REQUIRE(kept.size() == 3);
+    CHECK(kept.front().id == 11);
+    CHECK(kept.back().id == 13);
 }
 
 TEST_CASE("boat simulator: its clock follows one that is set forward, and never goes back within a boot") {
