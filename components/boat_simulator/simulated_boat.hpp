@@ -59,12 +59,6 @@ struct remote_helm {
     double sail_deg = 0;   ///< widest angle that the sheet allows, 0 … 90
 };
 
-/// A packet for a link, ready to send.
-struct outgoing_packet {
-    link_id link = link_id::xbee;
-    ise::bytes raw;
-};
-
 /// The boat: hull, wind, autopilot, telemetry and telecommands. It uses no clock, and random numbers only from its
 /// seed: the same options, commands and times give the same packets. Not thread-safe.
 class simulated_boat {

@@ -1,6 +1,6 @@
 #pragma once
+#include <components/boat/random_source.hpp>
 #include <components/iridium/at.hpp>
-#include <components/iridium/random_source.hpp>
 
 #include <ise/core/time.hpp>
 

@@ -1,6 +1,6 @@
 #pragma once
+#include <components/boat/random_source.hpp>
 #include <components/iridium/message.hpp>
-#include <components/iridium/random_source.hpp>
 #include <components/iridium/rockblock.hpp>
 #include <components/iridium_gateway/services.hpp>
 
@@ -44,7 +44,7 @@ public:
         std::uint64_t number = 0;
         iridium::mo_message message;
     };
-    /// A delivery that is due; an outcome must follow. Several may be under way, of one modem one at a time.
+    /// A delivery that is due; an outcome must follow. Several may be under way, also of one modem.
     std::optional<delivery> next_delivery(ise::time_point now);
     void on_delivered(ise::time_point now, std::uint64_t number, bool taken, const std::string& trouble);
 
@@ -81,7 +81,7 @@ private:
     };
 
     gateway_model_options options_;
-    iridium::random_source dice_;
+    random_source dice_;
     std::map<std::uint64_t, waiting_mo> deliveries_;
     std::map<std::string, modem> modems_;
     std::uint64_t next_number_ = 1;

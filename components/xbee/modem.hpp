@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/random_source.hpp>
 #include <components/xbee/at_command.hpp>
 #include <components/xbee/decoder.hpp>
 #include <components/xbee/duty_cycle.hpp>
@@ -95,7 +96,7 @@ private:
     std::uint64_t line_mode_; // register AP as the serial line follows it: an answer comes in the mode before
     frame_decoder decoder_;
     duty_cycle duty_;
-    radio_random random_;
+    random_source random_;
     std::map<at_name, std::uint64_t> registers_;
     std::string node_identifier_ = " ";
     ise::bytes serial_out_, transparent_;

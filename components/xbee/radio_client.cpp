@@ -267,10 +267,7 @@ void radio_client::settle(instant now, std::uint8_t frame_id, const frame& answe
                                      std::get<at_request>(found->second.content).command == local->command) ||
                                     (remote && std::holds_alternative<remote_at_request>(found->second.content) &&
                                      std::get<remote_at_request>(found->second.content).command == remote->command));
-    if (!fits) {
-        ++counters_.unmatched; // an answer that came after its time was up
-        return;
-    }
+    if (!fits) return; // an answer that came after its time was up
     request r = std::move(found->second);
     pending_.erase(found);
     if (local) return tell(at_outcome{r.id, local->command, 0, local->status, local->value, {}});

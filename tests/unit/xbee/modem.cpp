@@ -258,7 +258,7 @@ TEST_CASE("FR restarts the modem, which says so when it is back") {
 TEST_CASE("garbage on the serial line neither stops nor grows the modem") {
     modem m({});
     m.take_serial();
-    radio_random random(5);
+    atirma::random_source random(5);
     for (int i = 0; i < 2000; ++i) {
         ise::bytes piece;
         for (std::uint64_t n = random.next() % 50; n-- > 0;)
