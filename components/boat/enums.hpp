@@ -48,7 +48,7 @@ enum class ack_code : std::uint8_t {
     bad_argument = 2, ///< out of range; the text says which
     unknown_command = 3,
     no_authority =
-        4,       ///< sent under a epoch of authority that the boat does not obey; the answer has the one that it obeys
+        4,       ///< sent under an epoch of authority that the boat does not obey; the answer has the one that it obeys
     expired = 5, ///< it arrived after its validity, or the boat cannot tell; not executed, the text says why
 };
 

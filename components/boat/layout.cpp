@@ -82,7 +82,12 @@ reader::reader(ise::bytes_view raw) {
     header.sequence = integer<std::uint32_t>();
     std::uint64_t low = integer<std::uint32_t>();
     std::uint64_t high = integer<std::uint16_t>();
-    header.measured_at = utc_time(std::chrono::milliseconds(static_cast<std::int64_t>(low | (high << 32))));
+    auto ms = low | (high << 32);
+    if (ms > last_time_ms) {
+        fail("a time after 2200");
+        return;
+    }
+    header.measured_at = utc_time(std::chrono::milliseconds(static_cast<std::int64_t>(ms)));
 }
 
 double reader::direction(std::string_view field) {

@@ -16,6 +16,8 @@ namespace atirma::layout {
 inline constexpr std::uint8_t version = 1;
 inline constexpr std::size_t header_size = 14;
 inline constexpr std::size_t checksum_size = 2;
+/// 2200-01-01. The 48 bits of a time reach further than nanoseconds in 64 bits, which clocks count with.
+inline constexpr std::uint64_t last_time_ms = 7'258'118'400'000;
 
 /// First bodies of a class of packets.
 enum : std::uint8_t {

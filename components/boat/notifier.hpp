@@ -27,7 +27,6 @@ public:
     void notify() {
         for (auto* one : waiting_) one->wake.resume({});
     }
-    std::size_t waiting_count() const noexcept { return waiting_.size(); }
 
 private:
     struct waiting {

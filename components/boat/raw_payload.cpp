@@ -1,5 +1,7 @@
 #include <components/boat/raw_payload.hpp>
 
+#include <components/boat/hex_digit.hpp>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -11,13 +13,6 @@ namespace {
 
 constexpr std::string_view hex_mark = "hex:";
 
-std::optional<unsigned> digit(char of) {
-    if (of >= '0' && of <= '9') return static_cast<unsigned>(of - '0');
-    if (of >= 'a' && of <= 'f') return static_cast<unsigned>(of - 'a' + 10);
-    if (of >= 'A' && of <= 'F') return static_cast<unsigned>(of - 'A' + 10);
-    return std::nullopt;
-}
-
 ise::failure wrong(std::string why) { return ise::failure(ise::errc::invalid_argument, std::move(why)); }
 
 } // namespace
@@ -28,13 +23,13 @@ ise::result<ise::bytes> payload_bytes(std::string_view text) {
         auto raw = ise::as_bytes(text);
         made.assign(raw.begin(), raw.end());
     } else {
-        std::optional<unsigned> high;
+        std::optional<int> high;
         for (char c : text.substr(hex_mark.size())) {
             if (c == ' ') continue;
-            auto value = digit(c);
-            if (!value) return wrong(fmt::format("payload: '{}' is no hexadecimal digit", c));
-            if (high) made.push_back(static_cast<std::byte>(*high << 4 | *value));
-            high = high ? std::nullopt : value;
+            auto value = hex_digit(c);
+            if (value < 0) return wrong(fmt::format("payload: '{}' is no hexadecimal digit", c));
+            if (high) made.push_back(static_cast<std::byte>(*high << 4 | value));
+            high = high ? std::nullopt : std::optional(value);
         }
         if (high) return wrong("payload: the last byte has one hexadecimal digit only");
     }

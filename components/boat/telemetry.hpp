@@ -22,7 +22,7 @@ struct location {
     std::uint8_t satellites = 0;
     float speed_over_ground_mps = 0;
     float course_over_ground_deg = 0; ///< true, 0 <= x < 360
-    float distance_sailed_m = 0;      ///< since boot
+    float distance_sailed_m = 0;      ///< since its first start, if it has a memory
     bool operator==(const location&) const = default;
 };
 

@@ -25,7 +25,7 @@ actuators autopilot::update(const boat_state& state, wind_vector wind, double le
         return last_.set;
     }
     if (mode_ == sailing_mode::automatic && list_.empty()) { // nowhere to go: stay
-        if (!at_station_) {
+        if (!at_station_ || !has_target_) {
             station_ = state.position_m;
             at_station_ = true;
             aim_around_station(state, wind);
@@ -92,7 +92,7 @@ ise::result<void> autopilot::erase(std::size_t index, const boat_state& state) {
     if (index < active_) --active_;
     if (active_ >= list_.size()) active_ = 0;
     if (was_active) {
-        has_target_ = has_target_ && mode_ != sailing_mode::automatic;
+        if (mode_ == sailing_mode::automatic && list_.empty()) has_target_ = at_station_ = false;
         if (mode_ == sailing_mode::automatic && !list_.empty()) aim_at_active(state.position_m);
     }
     return {};
@@ -112,7 +112,7 @@ void autopilot::clear() {
     active_ = 0;
     laps_ = 0;
     ++revision_;
-    if (mode_ == sailing_mode::automatic) has_target_ = false;
+    if (mode_ == sailing_mode::automatic && list_.empty()) has_target_ = at_station_ = false;
 }
 
 ise::result<void> autopilot::stage(std::size_t index, waypoint point) {

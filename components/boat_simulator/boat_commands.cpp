@@ -166,8 +166,7 @@ struct simulated_boat::command_handlers {
         if (!done) return done.error();
         if (to.parameter == parameter_id::fence)
             boat.say(to.value == 0 ? "fence off: it may leave its fence and run aground" : "fence on");
-        if (to.parameter == parameter_id::telemetry_period)
-            boat.schedule_.set_period(link_id::xbee, to.value, boat.now_s_);
+        if (to.parameter == parameter_id::telemetry_period) boat.set_commanded_period(link_id::xbee, to.value);
         boat.schedule_.request(packet_type::configuration);
         return std::string();
     }
@@ -175,7 +174,7 @@ struct simulated_boat::command_handlers {
     outcome operator()(const commands::tack_now&) { return nothing_to_say(boat.pilot_.tack_now()); }
     outcome operator()(const commands::gybe_now&) { return nothing_to_say(boat.pilot_.gybe_now()); }
     outcome operator()(const commands::set_telemetry_period& to) {
-        boat.schedule_.set_period(to.link, to.period_s, boat.now_s_);
+        boat.set_commanded_period(to.link, to.period_s);
         boat.schedule_.request(packet_type::configuration);
         bool also_parameter = to.link == link_id::xbee && check_parameter(parameter_id::telemetry_period, to.period_s);
         if (!also_parameter) return std::string();

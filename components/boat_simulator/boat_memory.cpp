@@ -14,6 +14,43 @@ constexpr std::array<std::string_view, 2> schema{
     "CREATE TABLE not_receipted(place INTEGER PRIMARY KEY AUTOINCREMENT, boot INTEGER NOT NULL, sequence INTEGER NOT "
     "NULL, raw BLOB NOT NULL, UNIQUE(boot, sequence))"};
 
+/// A state of a program that stored the periods of all links, whether a telecommand had set them or not.
+struct state_with_all_periods {
+    std::uint16_t boot = 0;
+    std::uint32_t authority = 0;
+    waypoint home, place;
+    double heading_rad = 0, speed_mps = 0, distance_m = 0;
+    sailing_mode mode = sailing_mode::automatic;
+    std::vector<waypoint> list;
+    std::uint8_t active = 0;
+    bool beacon = false;
+    std::array<float, parameter_count> parameters{};
+    std::array<double, link_count> telemetry_period_s{};
+};
+
+ise::result<simulator::remembered_boat> decode_state(const ise::bytes& raw) {
+    auto read = ise::try_decode<simulator::remembered_boat>(raw);
+    if (read) return read;
+    auto old = ise::try_decode<state_with_all_periods>(raw);
+    if (!old) return read.error();
+    simulator::remembered_boat made{.boot = old->boot,
+                                    .authority = old->authority,
+                                    .home = old->home,
+                                    .place = old->place,
+                                    .heading_rad = old->heading_rad,
+                                    .speed_mps = old->speed_mps,
+                                    .distance_m = old->distance_m,
+                                    .mode = old->mode,
+                                    .list = std::move(old->list),
+                                    .active = old->active,
+                                    .beacon = old->beacon,
+                                    .parameters = old->parameters};
+    // Only that of the radio has no option, so only that one is certainly not an old option's.
+    constexpr auto radio = static_cast<std::size_t>(link_id::xbee);
+    made.telemetry_period_s[radio] = old->telemetry_period_s[radio];
+    return made;
+}
+
 ise::result<void> done(const ise::result<std::int64_t>& changed) {
     if (!changed) return changed.error();
     return {};
@@ -31,7 +68,7 @@ ise::result<std::optional<simulator::remembered_boat>> boat_memory::last() {
     auto rows = disk_.query("SELECT state FROM boat");
     if (!rows) return rows.error();
     if (rows->empty()) return std::optional<simulator::remembered_boat>();
-    auto read = ise::try_decode<simulator::remembered_boat>(rows->front().bytes(0));
+    auto read = decode_state(rows->front().bytes(0));
     if (!read) return read.error();
     return std::optional(std::move(*read));
 }

@@ -93,11 +93,14 @@ void boat_simulator::make_boat() {
         made.clock_off =
             std::chrono::round<std::chrono::milliseconds>(std::chrono::duration<double>(options_.clock_off_s));
     made.seed = options_.seed;
-    if (!options_.gprs.empty()) {
-        double period_s = options_.gprs_period_s;
-        if (period_s != 0) in_range("the period of telemetry over GPRS in seconds", period_s, 0.5, 86400);
-        made.telemetry_period_s[static_cast<std::size_t>(link_id::gprs)] = period_s;
-    }
+    auto set_period = [&made](link_id link, const char* what, double period_s) {
+        if (period_s != 0) in_range(what, period_s, 0.5, 86400);
+        made.telemetry_period_s[static_cast<std::size_t>(link)] = period_s;
+    };
+    if (!options_.gprs.empty())
+        set_period(link_id::gprs, "the period of telemetry over GPRS in seconds", options_.gprs_period_s);
+    if (!options_.iridium.port.device.empty())
+        set_period(link_id::iridium, "the period of telemetry over Iridium in seconds", options_.iridium.period_s);
     made.limits = read_limits();
     made.raw_telecommands = options_.raw_telecommands;
     made.second.reset();
@@ -123,7 +126,7 @@ ise::task<> boat_simulator::run() {
     if (!options_.port.device.empty()) {
         port_ = std::make_unique<xbee::modem_port>(on(), log(), options_.port);
         backlog_.emplace(now());
-        for (auto& raw : std::exchange(not_receipted_, {})) backlog_->restore(std::move(raw));
+        for (auto& raw : std::exchange(not_receipted_, {})) backlog_->put_held(std::move(raw));
         asked_duty_.reset();
         ask_duty_at_ = now();
         port_->on_event = [this](const xbee::client_event& event) { on_radio_event(event); };
@@ -176,7 +179,11 @@ void boat_simulator::sail() {
     boat_->set_link_status(radio_status());
     if (uplink_) boat_->set_link_status(uplink_status());
     if (iridium_) boat_->set_link_status(iridium_->status());
-    boat_->advance(model_now());
+    // Taken before the model's time: a pause between the two must not set the boat's clock forward.
+    auto utc = std::chrono::floor<std::chrono::milliseconds>(wall());
+    auto time = model_now();
+    boat_->follow_clock(time, utc);
+    boat_->advance(time);
     if (beacon_) beacon_->carry(*boat_->second());
     if (uplink_) uplink_->set_power(!boat_->fails());
     if (boat_->fails()) return; // its modems have no power, or nobody uses them
@@ -234,6 +241,7 @@ void boat_simulator::send() {
     ask_duty_cycle();
     auto gone = backlog_->take_given_up();
     if (memory_ && !gone.empty()) kept(memory_->forget(gone));
+    if (!port_->modem_ready()) return hold_telemetry();
     while (port_->modem_ready() && port_->in_hand() < in_hand_at_most) {
         auto raw = boat_->take_packet(link_id::xbee);
         bool telemetry = raw.empty() || classify(raw) == packet_class::telemetry;
@@ -242,9 +250,8 @@ void boat_simulator::send() {
             raw = backlog_->next(now());
             if (raw.empty()) return;
         } else if (telemetry) {
-            auto message = parse_telemetry(raw);
             bool goes = backlog_->put(now(), raw);
-            if (memory_ && message) kept(memory_->put({message->header.boot, message->header.sequence}, raw));
+            keep_until_receipt(raw);
             if (!goes) continue;
         }
         auto taken = port_->send(options_.shore_address, sealed(link_id::xbee, raw), send_time);
@@ -253,6 +260,19 @@ void boat_simulator::send() {
         if (telemetry) backlog_->not_taken(raw);
         return;
     }
+}
+
+/// The boat's own queue is short, and loses its oldest packets.
+void boat_simulator::hold_telemetry() {
+    for (auto& raw : boat_->take_telemetry(link_id::xbee)) {
+        keep_until_receipt(raw);
+        backlog_->put_held(std::move(raw));
+    }
+}
+
+void boat_simulator::keep_until_receipt(const ise::bytes& raw) {
+    if (!memory_) return;
+    if (auto message = parse_telemetry(raw)) kept(memory_->put({message->header.boot, message->header.sequence}, raw));
 }
 
 void boat_simulator::ask_duty_cycle() {

@@ -81,6 +81,8 @@ private:
     void kept(const ise::result<void>& outcome);
     void tell_executed();
     void send();
+    void hold_telemetry();
+    void keep_until_receipt(const ise::bytes& raw);
     void ask_duty_cycle();
     void on_receipt(ise::bytes_view raw);
     void send_uplink();
@@ -116,7 +118,7 @@ private:
     std::string memory_trouble_;
     std::vector<ise::bytes> not_acknowledged_; // before the restart
     ise::time_point remember_at_{};
-    std::uint64_t commands_kept_ = 0;
+    std::optional<std::uint64_t> commands_kept_; ///< of those executed in this run; nothing: also none of before
     std::uint64_t executed_told_ = 0;
     std::uint32_t forgotten_ = 0; // of the uplink's numbers
     ise::time_point started_{};

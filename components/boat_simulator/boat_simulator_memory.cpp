@@ -32,7 +32,7 @@ void boat_simulator::open_memory(simulator::boat_options& made) {
 /// Called before the boat's answers go: what the shore knows as done is done aboard after a loss of power, too.
 void boat_simulator::remember() {
     if (std::exchange(memory_is_new_, false)) { // store the complete state
-        commands_kept_ = 0;
+        commands_kept_.reset();
         remember_at_ = {};
     }
     if (uplink_ && uplink_->link().acknowledged() != forgotten_) {
@@ -43,7 +43,7 @@ void boat_simulator::remember() {
     if (executed == executed_told_ && now() < remember_at_) return;
     remember_at_ = ise::saturating_add(now(), remember_period);
     const auto& all = boat_->executed();
-    auto count = std::min<std::uint64_t>(executed - commands_kept_, all.size());
+    auto count = commands_kept_ ? std::min<std::uint64_t>(executed - *commands_kept_, all.size()) : all.size();
     std::vector<acknowledgement> fresh(all.end() - static_cast<std::ptrdiff_t>(count), all.end());
     auto outcome = memory_->keep(boat_->remember(), fresh);
     kept(outcome);

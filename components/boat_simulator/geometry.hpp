@@ -43,12 +43,12 @@ class local_chart {
 public:
     explicit local_chart(waypoint origin) : origin_(origin), cos_latitude_(std::cos(radians(origin.latitude_deg))) {}
     vec to_metres(waypoint p) const {
-        return {radians(p.longitude_deg - origin_.longitude_deg) * earth_radius_m * cos_latitude_,
+        return {radians(std::remainder(p.longitude_deg - origin_.longitude_deg, 360)) * earth_radius_m * cos_latitude_,
                 radians(p.latitude_deg - origin_.latitude_deg) * earth_radius_m};
     }
     waypoint to_waypoint(vec v) const {
         return {origin_.latitude_deg + degrees(v.y / earth_radius_m),
-                origin_.longitude_deg + degrees(v.x / (earth_radius_m * cos_latitude_))};
+                std::remainder(origin_.longitude_deg + degrees(v.x / (earth_radius_m * cos_latitude_)), 360)};
     }
     waypoint origin() const { return origin_; }
 

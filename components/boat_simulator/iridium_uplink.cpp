@@ -15,9 +15,6 @@ iridium_uplink::iridium_uplink(ise::loop& on, ise::logger log, iridium_uplink_op
 
 ise::task<> iridium_uplink::run(simulator::simulated_boat& boat) {
     boat_ = &boat;
-    telecommand begin; // as if the shore had sent it; the answer is not sent
-    begin.command = commands::set_telemetry_period{link_id::iridium, static_cast<float>(options_.period_s)};
-    boat.execute(begin, link_id::iridium);
     auto serving = port_.run();
     co_await std::move(serving);
 }

@@ -50,7 +50,7 @@ void radio_backlog::forget(std::map<packet_name, kept_packet>::iterator which) {
     kept_.erase(which);
 }
 
-void radio_backlog::restore(ise::bytes raw) {
+void radio_backlog::put_held(ise::bytes raw) {
     if (auto name = name_in(raw)) hold(*name, keep(*name, std::move(raw)));
 }
 

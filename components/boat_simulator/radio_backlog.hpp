@@ -25,8 +25,8 @@ public:
 
     explicit radio_backlog(ise::time_point now) : heard_at_(now), receipted_at_(now) {}
 
-    /// A packet without a receipt from before a restart.
-    void restore(ise::bytes raw);
+    /// A packet that is not sent now: of a time without a modem, or without a receipt from before a restart.
+    void put_held(ise::bytes raw);
     /// Adds a new packet. Returns whether to send it now; else it is held.
     bool put(ise::time_point now, const ise::bytes& raw);
     /// A packet that is due and that the duty cycle permits; empty bytes if there is none.

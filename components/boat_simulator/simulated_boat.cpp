@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace atirma::simulator {
 namespace {
@@ -58,7 +59,7 @@ void simulated_boat::resume(const remembered_boat& from) {
         (void)pilot_.set_parameter(static_cast<parameter_id>(i), from.parameters[i]);
     if (from.active < from.list.size()) (void)pilot_.select(from.active, state_);
     for (std::size_t i = 0; i < link_count; ++i)
-        schedule_.set_period(static_cast<link_id>(i), from.telemetry_period_s[i], 0);
+        if (from.telemetry_period_s[i]) set_commanded_period(static_cast<link_id>(i), *from.telemetry_period_s[i]);
     pilot_.set_mode(from.mode, state_, to_vector(wind_->at(0)));
 }
 
@@ -77,9 +78,13 @@ remembered_boat simulated_boat::remember() const {
     made.beacon = beacon_;
     for (std::size_t i = 0; i < parameter_count; ++i)
         made.parameters[i] = pilot_.parameter(static_cast<parameter_id>(i));
-    for (std::size_t i = 0; i < link_count; ++i)
-        made.telemetry_period_s[i] = schedule_.period_s(static_cast<link_id>(i));
+    made.telemetry_period_s = commanded_period_s_;
     return made;
+}
+
+void simulated_boat::set_commanded_period(link_id link, double period_s) {
+    commanded_period_s_[static_cast<std::size_t>(link)] = period_s;
+    schedule_.set_period(link, period_s, now_s_);
 }
 
 void simulated_boat::advance(model_time now) {
@@ -267,6 +272,14 @@ utc_time simulated_boat::clock_now() const {
            std::chrono::milliseconds(std::llround(passed_ms));
 }
 
+void simulated_boat::follow_clock(model_time now, utc_time utc) {
+    constexpr std::chrono::seconds tolerance{1};
+    if (options_.clock_off) return;
+    auto passed_ms = std::chrono::duration<double, std::milli>(now).count() * options_.clock_rate;
+    auto ahead = utc - (options_.epoch + std::chrono::milliseconds(std::llround(passed_ms)));
+    if (ahead > tolerance) options_.epoch += ahead;
+}
+
 packet_header simulated_boat::next_header() { return {boot_, sequence_++, clock_now()}; }
 
 std::vector<ise::bytes> simulated_boat::take_packets(link_id link) {
@@ -282,6 +295,10 @@ ise::bytes simulated_boat::take_packet(link_id link) {
     ise::bytes raw = std::move(packets.front());
     packets.pop_front();
     return raw;
+}
+
+std::deque<ise::bytes> simulated_boat::take_telemetry(link_id link) {
+    return std::exchange(queues_[static_cast<std::size_t>(link)].telemetry, {});
 }
 
 void simulated_boat::set_link_status(const link_status& status) {

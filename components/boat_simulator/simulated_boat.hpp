@@ -29,7 +29,7 @@ struct remembered_boat {
     std::uint8_t active = 0;
     bool beacon = false;
     std::array<float, parameter_count> parameters{};
-    std::array<double, link_count> telemetry_period_s{};
+    std::array<std::optional<double>, link_count> telemetry_period_s{}; ///< those that a telecommand has set
 };
 
 struct boat_options {
@@ -41,7 +41,7 @@ struct boat_options {
     /// Error of the boat's clock, which then is not set by GPS; nothing: GPS sets it, and it is right.
     std::optional<std::chrono::milliseconds> clock_off;
     std::uint16_t boot = 1;
-    std::array<double, link_count> telemetry_period_s{2, 0, 0}; ///< at the start, by link_id; 0 is off
+    std::array<double, link_count> telemetry_period_s{2, 0, 0}; ///< until a telecommand changes it; 0 is off
     std::optional<remembered_boat> resumed; ///< continues from there, in the next boot; `course`, `start` and
                                             ///< `boot` are ignored then
     std::vector<acknowledgement> executed; ///< telecommands of before, oldest first: repetitions of them change nothing
@@ -57,12 +57,6 @@ struct boat_options {
 struct remote_helm {
     double rudder_deg = 0; ///< -45 … 45, turns to starboard positive
     double sail_deg = 0;   ///< widest angle that the sheet allows, 0 … 90
-};
-
-/// A packet for a link, ready to send.
-struct outgoing_packet {
-    link_id link = link_id::xbee;
-    ise::bytes raw;
 };
 
 /// The boat: hull, wind, autopilot, telemetry and telecommands. It uses no clock, and random numbers only from its
@@ -87,6 +81,8 @@ public:
     std::vector<ise::bytes> take_packets(link_id link);
     /// The same one by one, for a sender with its own pace. Empty bytes if there is none.
     ise::bytes take_packet(link_id link);
+    /// The telemetry without the acknowledgements, oldest first.
+    std::deque<ise::bytes> take_telemetry(link_id link);
     double telemetry_period_s(link_id link) const { return schedule_.period_s(link); } ///< 0 is off
     std::size_t queued(link_id link) const {
         const auto& waiting = queues_[static_cast<std::size_t>(link)];
@@ -143,6 +139,9 @@ public:
     std::uint64_t late_count() const { return late_count_; }         ///< telecommands refused as expired
     /// By its own clock, which never goes back within a boot.
     utc_time clock_now() const;
+    /// At model time `now` the clock that sets the boat's shows `utc`. The boat's follows it where that one is more
+    /// than 1 s ahead, and never goes back. One with `clock_off` follows nothing.
+    void follow_clock(model_time now, utc_time utc);
 
 private:
     void resume(const remembered_boat& from);
@@ -151,6 +150,7 @@ private:
     void observe_from_second(double dt_s);
     void start_again(reset_cause why);
     void set_failing(bool& what, bool works, reset_cause why);
+    void set_commanded_period(link_id link, double period_s);
     void emit_due();
     void emit(link_id link, const telemetry_body& body);
     void emit(link_id link, packet_type type);
@@ -173,6 +173,7 @@ private:
     autopilot pilot_;
     boat_guard guard_;
     telemetry_schedule schedule_;
+    std::array<std::optional<double>, link_count> commanded_period_s_; // by a telecommand; the others are the options'
     boat_state state_;
     actuators set_;
     std::optional<remote_helm> remote_;

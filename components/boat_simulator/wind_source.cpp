@@ -1,6 +1,6 @@
 #include <components/boat_simulator/wind_source.hpp>
 
-#include <components/boat_simulator/generator.hpp>
+#include <components/boat/random_source.hpp>
 
 #include <algorithm>
 #include <array>
@@ -28,7 +28,7 @@ class gusting final : public wind_source {
 
 public:
     gusting(wind_sample mean, std::uint64_t seed, gust_settings gusts) : mean_(mean), gusts_(gusts) {
-        generator random(seed);
+        random_source random(seed);
         double slowest = std::max(gusts.period_s, 1.0);
         fill(speed_, slowest, random);
         fill(direction_, 4 * slowest, random); // shifts are slower than gusts
@@ -39,7 +39,7 @@ public:
     }
 
 private:
-    static void fill(waves& all, double period_s, generator& random) {
+    static void fill(waves& all, double period_s, random_source& random) {
         for (auto& w : all) {
             w = {2 * pi / (period_s * (0.7 + 0.6 * random.uniform())), 2 * pi * random.uniform()};
             period_s *= 0.7;

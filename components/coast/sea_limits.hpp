@@ -44,10 +44,19 @@ public:
     double fence_clearance_m(coast_point at, double at_most_m) const;
 
 private:
+    /// A range of latitudes, and one of longitudes.
+    struct box {
+        double south, north, middle, half; ///< `middle` is -180 … 180
+        bool meets(const box& other) const noexcept;
+    };
     struct ring {
         std::vector<coast_point> points;
         std::vector<double> east; ///< degrees from the first, unwound: an area over the antimeridian is in one piece
-        double south, north, middle;
+        double middle;            ///< of `east`
+        box around;
+    };
+    struct edge {
+        coast_point from, to;
     };
     struct area {
         std::vector<ring> rings;
@@ -55,13 +64,20 @@ private:
         std::string name;
     };
     static ring make_ring(std::vector<coast_point> points);
-    static bool inside(const std::vector<ring>& rings, coast_point at);
+    static box box_of(coast_point from, coast_point to);
+    static box box_of(coast_point at);
+    static bool inside(const std::vector<ring>& rings, coast_point at, const box& here);
     static std::optional<double> first_crossing(const std::vector<ring>& rings, coast_point from, coast_point to);
     static double distance_m(const std::vector<ring>& rings, coast_point at, double at_most_m);
+    bool meets_other(const area& mine, coast_point from, coast_point to) const;
+    std::vector<double> parts_of(const area& mine, coast_point from, coast_point to) const;
+    void find_fence_limits();
 
     geofence fence_;
     std::vector<ring> land_;
     std::vector<area> areas_;
+    bool keeps_in_ = false;          ///< one of the areas does
+    std::vector<edge> fence_limits_; ///< the parts of the areas' edges with only one side within the fence
 };
 
 /// Metres between two places, as `sea_limits` measures them.

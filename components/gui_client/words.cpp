@@ -35,7 +35,7 @@ void fields(field_list& to, const location& p) {
     to.add("satellites", fmt::format("{}", p.satellites));
     to.number("speed over ground", static_cast<double>(p.speed_over_ground_mps), 2, "m/s");
     to.number("course over ground", static_cast<double>(p.course_over_ground_deg), 2, "°");
-    to.number("sailed since boot", static_cast<double>(p.distance_sailed_m), 1, "m");
+    to.number("distance sailed", static_cast<double>(p.distance_sailed_m), 1, "m");
 }
 void fields(field_list& to, const navigation& p) {
     to.add("mode", spaced(name_of(p.mode)));

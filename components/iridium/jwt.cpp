@@ -125,7 +125,7 @@ ise::result<std::string> jwt_key::verify(std::string_view token) const {
     if (token.size() > max_token) return unauthorized("it is too long");
     auto first = token.find('.'), second = first == std::string_view::npos ? first : token.find('.', first + 1);
     if (second == std::string_view::npos || token.find('.', second + 1) != std::string_view::npos)
-        return unauthorized("it has not three parts");
+        return unauthorized("it does not have three parts");
     auto header = from_base64url(token.substr(0, first));
     auto claims = from_base64url(token.substr(first + 1, second - first - 1));
     auto signature = from_base64url(token.substr(second + 1));

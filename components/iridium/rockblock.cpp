@@ -16,7 +16,7 @@ ise::failure bad_form(std::string what) { return ise::failure(ise::errc::malform
 /// JSON's members as a form: strings as they are, numbers as they are written.
 ise::result<form> members_of(std::string_view body) {
     auto read = nlohmann::json::parse(body, nullptr, false);
-    if (read.is_discarded() || !read.is_object()) return bad_form("the body is not JSON object");
+    if (read.is_discarded() || !read.is_object()) return bad_form("the body is not a JSON object");
     form fields;
     for (const auto& [name, value] : read.items()) {
         if (value.is_string()) fields[name] = value.get<std::string>();
@@ -155,7 +155,7 @@ std::string_view explain_mt_failure(int code) noexcept {
         case mt_failure::bad_hex: return "the gateway could not read the hex data";
         case mt_failure::too_long: return "the message is too long for the gateway";
         case mt_failure::no_data: return "the gateway saw no data in the message";
-        case mt_failure::system_error: return "the gateway has a trouble of its own";
+        case mt_failure::system_error: return "the gateway has trouble of its own";
     }
     return "the gateway failed in a way that its documentation does not name";
 }

@@ -15,7 +15,7 @@ constexpr unsigned max_fetches = 3; // of one message out of the modem
 void sbd_client::start(ise::time_point now) {
     step_ = step::starting;
     start_at_ = 0;
-    told_silent_ = false;
+    told_silent_ = pausing_ = false;
     line_.clear();
     binary_.clear();
     output_.clear();
@@ -80,10 +80,18 @@ void sbd_client::on_bytes(ise::time_point now, ise::bytes_view in) {
 
 /// The answer to AT+SBDRB: u16 length, data, u16 sum; only then text again.
 void sbd_client::binary(ise::time_point now) {
-    if (std::to_integer<unsigned>(binary_[0]) > max_mt_bytes / 256) { // what is left of the line before
+    if (std::to_integer<unsigned>(binary_[0]) > max_mt_bytes / 256) { // what is left of the line before, or a ring
+        auto c = std::to_integer<char>(binary_[0]);
         binary_.clear();
+        if (c != '\r' && c != '\n') {
+            if (line_.size() < max_line) line_ += c;
+        } else if (std::exchange(line_, {}) == "SBDRING") {
+            rang_ = true;
+            check(now);
+        }
         return;
     }
+    line_.clear();
     if (binary_.size() < 2) return;
     auto size = std::to_integer<std::size_t>(binary_[0]) * 256 + std::to_integer<std::size_t>(binary_[1]);
     if (size > max_mt_bytes) return lost_modem(now, "the modem sent no message where one was asked for");
@@ -135,12 +143,13 @@ void sbd_client::on_line(ise::time_point now, std::string_view line) {
 
 /// A command is answered.
 void sbd_client::on_done(ise::time_point now, bool ok) {
+    if (pausing_) return; // nothing was asked
     answer_by_ = ise::time_point::max();
     switch (step_) {
         case step::off:
         case step::idle: return;
         case step::starting:
-            if (!ok && start_at_ == 0) return lost_modem(now, "the modem answers ERROR to AT");
+            if (!ok && start_at_ == 0) return lost_modem(now, "the modem answers ERROR to AT", true);
             if (++start_at_ < start_commands.size()) return start_step(now);
             step_ = step::idle;
             told_silent_ = false;
@@ -196,7 +205,7 @@ void sbd_client::failed(ise::time_point now, std::string reason, ise::duration p
     go_on(now);
 }
 
-void sbd_client::lost_modem(ise::time_point now, std::string reason) {
+void sbd_client::lost_modem(ise::time_point now, std::string reason, bool pause) {
     if (step_ == step::fetching) fetch_failed(reason);
     last_reason_ = reason;
     if (!told_silent_) events_.push_back(sbd_silent{std::move(reason)});
@@ -206,7 +215,9 @@ void sbd_client::lost_modem(ise::time_point now, std::string reason) {
     line_.clear();
     binary_.clear();
     output_.clear();
-    start_step(now);
+    pausing_ = pause;
+    if (pause) answer_by_ = ise::saturating_add(now, options_.answer_time);
+    else start_step(now);
 }
 
 void sbd_client::go_on(ise::time_point now) {
@@ -239,7 +250,8 @@ void sbd_client::begin(ise::time_point now) {
 void sbd_client::on_time(ise::time_point now) {
     if (now >= answer_by_) {
         answer_by_ = ise::time_point::max();
-        lost_modem(now, step_ == step::starting ? "it does not answer" : "it did not answer a command");
+        if (std::exchange(pausing_, false)) start_step(now);
+        else lost_modem(now, step_ == step::starting ? "it does not answer" : "it did not answer a command");
     }
     go_on(now);
 }

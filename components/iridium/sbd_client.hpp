@@ -1,6 +1,6 @@
 #pragma once
+#include <components/boat/random_source.hpp>
 #include <components/iridium/at.hpp>
-#include <components/iridium/random_source.hpp>
 
 #include <ise/core/time.hpp>
 
@@ -83,7 +83,7 @@ private:
     void begin(ise::time_point now);
     void end_session(ise::time_point now);
     void failed(ise::time_point now, std::string reason, ise::duration pause);
-    void lost_modem(ise::time_point now, std::string reason);
+    void lost_modem(ise::time_point now, std::string reason, bool pause = false);
     void binary(ise::time_point now);
     void fetch_failed(std::string reason);
     bool wanted() const noexcept { return message_ || check_; }
@@ -93,6 +93,7 @@ private:
     step step_ = step::off;
     std::size_t start_at_ = 0;
     bool told_silent_ = false;
+    bool pausing_ = false; // before the modem is asked again
     std::optional<ise::bytes> message_;
     bool check_ = false, rang_ = false;
     bool carrying_ = false; // the session under way has the message

@@ -1,5 +1,7 @@
 #include <components/iridium/text.hpp>
 
+#include <components/boat/hex_digit.hpp>
+
 #include <fmt/format.h>
 
 #include <array>
@@ -11,13 +13,6 @@ namespace {
 
 constexpr std::size_t max_fields = 64;
 constexpr std::string_view base64url_digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789-_";
-
-int hex_digit(char c) noexcept {
-    if (c >= '0' && c <= '9') return c - '0';
-    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-    return -1;
-}
 
 ise::failure bad_text(std::string what) { return ise::failure(ise::errc::malformed, std::move(what)); }
 

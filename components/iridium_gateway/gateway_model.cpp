@@ -149,7 +149,7 @@ gateway_model::queued gateway_model::enqueue(ise::time_point now, const std::str
     if (!iridium::check_imei(imei)) return refused(-1);
     if (!options_.imeis.contains(imei)) return refused(-2);
     if (raw.size() > iridium::max_mt_bytes) return refused(-3);
-    if (raw.empty()) return refused(-4);
+    if (raw.empty() && !flush) return refused(-4);
     on_time(now);
     auto& mine = modems_[imei];
     if (flush) {
@@ -157,6 +157,7 @@ gateway_model::queued gateway_model::enqueue(ise::time_point now, const std::str
         mine.queue.clear();
         mine.handed_out = 0;
     }
+    if (raw.empty()) return queued(); // DirectIP: the queue is emptied, and nothing is queued
     if (mine.queue.size() >= options_.max_queue) return refused(-5);
     waiting_mt made;
     made.mtmsn = next_mtmsn_;

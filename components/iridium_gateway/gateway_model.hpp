@@ -1,6 +1,6 @@
 #pragma once
+#include <components/boat/random_source.hpp>
 #include <components/iridium/message.hpp>
-#include <components/iridium/random_source.hpp>
 #include <components/iridium/rockblock.hpp>
 #include <components/iridium_gateway/services.hpp>
 
@@ -44,13 +44,14 @@ public:
         std::uint64_t number = 0;
         iridium::mo_message message;
     };
-    /// A delivery that is due; an outcome must follow. Several may be under way, of one modem one at a time.
+    /// A delivery that is due; an outcome must follow. Several may be under way, also of one modem.
     std::optional<delivery> next_delivery(ise::time_point now);
     void on_delivered(ise::time_point now, std::uint64_t number, bool taken, const std::string& trouble);
 
     /// RockBLOCK's answer. `ring`: the modem to be alerted then.
     iridium::mt_reply submit(ise::time_point now, const iridium::mt_submission& what, std::string& ring);
-    /// Queues a message by whichever way: its place (1…50), or one of DirectIP's errors.
+    /// Queues a message by whichever way: its place (1…50), 0 for a flush without a message, or one of DirectIP's
+    /// errors.
     struct queued {
         int status = 0;
         std::uint16_t mtmsn = 0;
@@ -80,7 +81,7 @@ private:
     };
 
     gateway_model_options options_;
-    iridium::random_source dice_;
+    random_source dice_;
     std::map<std::uint64_t, waiting_mo> deliveries_;
     std::map<std::string, modem> modems_;
     std::uint64_t next_number_ = 1;

@@ -1,6 +1,6 @@
 #pragma once
+#include <components/boat/random_source.hpp>
 #include <components/byte_stream/outgoing.hpp>
-#include <components/iridium/random_source.hpp>
 #include <components/iridium_gateway/services.hpp>
 #include <components/iridium_modem/modem_9602.hpp>
 #include <components/iridium_modem/services.hpp>
@@ -46,7 +46,7 @@ private:
 
     iridium_modem_options options_;
     std::unique_ptr<modem_9602> modem_;
-    iridium::random_source dice_;
+    random_source dice_;
     struct iridium_sky told_;
     int fail_next_ = 0;
     std::unique_ptr<ise::stream> line_;

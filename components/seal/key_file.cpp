@@ -1,3 +1,4 @@
+#include <components/boat/hex_digit.hpp>
 #include <components/seal/key_file.hpp>
 #include <components/seal/rekey.hpp>
 
@@ -12,13 +13,6 @@ namespace atirma::seal {
 namespace {
 
 constexpr std::size_t max_boat = 64, recovery_size = 2 + counter_size + rekey_size + tag_size;
-
-int hex_digit(char c) {
-    if (c >= '0' && c <= '9') return c - '0';
-    if (c >= 'a' && c <= 'f') return c - 'a' + 10;
-    if (c >= 'A' && c <= 'F') return c - 'A' + 10;
-    return -1;
-}
 
 bool from_hex(std::string_view text, std::span<std::byte> into) {
     if (text.size() != 2 * into.size()) return false;

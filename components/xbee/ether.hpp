@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/random_source.hpp>
 #include <components/xbee/modem.hpp>
 
 namespace atirma::xbee {
@@ -57,7 +58,7 @@ private:
     double mean_dbm(const flight& f, place at) const;
 
     ether_options options_;
-    radio_random random_;
+    random_source random_;
     std::vector<node> nodes_;
     std::vector<flight> flights_;
     std::uint64_t delivered_ = 0, lost_ = 0, collided_ = 0;

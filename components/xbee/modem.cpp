@@ -11,7 +11,7 @@ constexpr double hot_c = 60;
 } // namespace
 
 modem::modem(modem_options options)
-    : options_(options), temperature_c_(options.temperature_c),
+    : options_(options), temperature_c_(options.temperature_c), line_mode_(options.api_mode),
       decoder_(options.api_mode == 2 ? api_mode::escaped : api_mode::plain), random_(options.seed ^ options.address) {
     for (auto& info : at_commands()) registers_[info.name] = info.initial;
     registers_[at("AP")] = options.api_mode;
@@ -149,6 +149,7 @@ void modem::on_air(instant now, const radio_packet& packet, double rssi_dbm) {
             {std::move(ack), now, now + acknowledgement_airtime, power_dbm(static_cast<std::uint8_t>(number("PL")))});
     }
     if (!seen_before(packet)) deliver(now, packet);
+    follow_api_mode();
 }
 
 bool modem::seen_before(const radio_packet& packet) {
@@ -165,7 +166,7 @@ void modem::deliver(instant now, const radio_packet& packet) {
     auto byte = [&](std::size_t i) { return std::to_integer<std::uint8_t>(raw[i]); };
     switch (packet.kind) {
         case radio_kind::data:
-            if (number("AP") == 0) put_text(ise::as_text(raw));
+            if (line_mode_ == 0) put_text(ise::as_text(raw));
             else
                 put(received_packet{packet.source, unknown_network,
                                     static_cast<std::uint8_t>(packet.destination == broadcast_address ? 2 : 1), raw});

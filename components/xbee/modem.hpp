@@ -1,4 +1,5 @@
 #pragma once
+#include <components/boat/random_source.hpp>
 #include <components/xbee/at_command.hpp>
 #include <components/xbee/decoder.hpp>
 #include <components/xbee/duty_cycle.hpp>
@@ -75,6 +76,7 @@ private:
     bool seen_before(const radio_packet& packet);
     void deliver(instant now, const radio_packet& packet);
     // modem_serial.cpp: frames, commands, command mode
+    void follow_api_mode();
     void put(const frame& f);
     void put_text(std::string_view text);
     void on_frame(instant now, const frame& f);
@@ -91,9 +93,10 @@ private:
 
     modem_options options_;
     double temperature_c_;
+    std::uint64_t line_mode_; // register AP as the serial line follows it: an answer comes in the mode before
     frame_decoder decoder_;
     duty_cycle duty_;
-    radio_random random_;
+    random_source random_;
     std::map<at_name, std::uint64_t> registers_;
     std::string node_identifier_ = " ";
     ise::bytes serial_out_, transparent_;

@@ -22,10 +22,16 @@ void modem::count(std::string_view name) {
 
 ise::bytes modem::take_serial() { return std::exchange(serial_out_, {}); }
 
+/// After what may have changed register AP, and its answer.
+void modem::follow_api_mode() {
+    if (line_mode_ == number("AP")) return;
+    line_mode_ = number("AP");
+    decoder_.reset(line_mode_ == 2 ? api_mode::escaped : api_mode::plain);
+}
+
 void modem::put(const frame& f) {
-    auto mode = number("AP");
-    if (mode == 0 || command_mode_) return; // nobody on the line understands frames now
-    auto wire = encode(f, mode == 2 ? api_mode::escaped : api_mode::plain);
+    if (line_mode_ == 0 || command_mode_) return; // nobody on the line understands frames now
+    auto wire = encode(f, line_mode_ == 2 ? api_mode::escaped : api_mode::plain);
     if (serial_out_.size() + wire.size() > max_serial_out) return;
     serial_out_.insert(serial_out_.end(), wire.begin(), wire.end());
 }
@@ -45,8 +51,10 @@ void modem::on_serial(instant now, ise::bytes_view bytes) {
     for (std::byte b : bytes) {
         if (command_mode_) {
             command_ends_ = now + number("CT") * 100ms;
-            if (b == std::byte{'\r'} || b == std::byte{'\n'}) on_command_line(now);
-            else if (command_line_.size() < 64) command_line_ += static_cast<char>(b);
+            if (b == std::byte{'\r'} || b == std::byte{'\n'}) {
+                on_command_line(now);
+                follow_api_mode();
+            } else if (command_line_.size() < 64) command_line_ += static_cast<char>(b);
             continue;
         }
         if (b == std::byte{'+'} && plus_ < 3 && (plus_ > 0 || silent_before)) ++plus_;
@@ -56,13 +64,17 @@ void modem::on_serial(instant now, ise::bytes_view bytes) {
     }
     guard_ends_ = plus_ == 3 ? now + guard : never;
     while (auto got = decoder_.next()) {
-        if (auto* f = std::get_if<frame>(&*got)) on_frame(now, *f);
-        else ++refused_;
+        if (auto* f = std::get_if<frame>(&*got)) {
+            on_frame(now, *f);
+            follow_api_mode();
+        } else {
+            ++refused_;
+        }
     }
 }
 
 void modem::on_plain_byte(instant now, std::byte b) {
-    if (number("AP") != 0) return decoder_.push({&b, 1});
+    if (line_mode_ != 0) return decoder_.push({&b, 1});
     transparent_.push_back(b);
     transparent_due_ = now + (plus_ > 0 ? number("GT") * 1ms : transparent_silence);
     if (transparent_.size() >= max_payload) flush_transparent(now);
@@ -145,15 +157,7 @@ void modem::on_frame(instant now, const frame& f) {
         } else {
             if (!request->queued)
                 for (auto& [name, value] : std::exchange(queued_at_, {})) execute(now, name, value);
-            auto mode_before = number("AP");
             got = execute(now, request->command, request->parameter);
-            if (auto mode_after = number("AP"); mode_after != mode_before) { // the answer still comes in the old mode
-                registers_[at("AP")] = mode_before;
-                if (request->frame_id) put(at_response{request->frame_id, request->command, got.status, got.value});
-                registers_[at("AP")] = mode_after;
-                decoder_.reset(mode_after == 2 ? api_mode::escaped : api_mode::plain);
-                return;
-            }
         }
         if (request->frame_id) put(at_response{request->frame_id, request->command, got.status, got.value});
         return;

@@ -36,26 +36,4 @@ constexpr instant airtime(std::size_t payload) {
 }
 inline constexpr instant acknowledgement_airtime{6'666'667};
 
-/// SplitMix64: the same numbers from every compiler.
-class radio_random {
-public:
-    explicit radio_random(std::uint64_t seed) : state_(seed) {}
-    std::uint64_t next() {
-        std::uint64_t z = (state_ += 0x9E3779B97F4A7C15ull);
-        z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ull;
-        z = (z ^ (z >> 27)) * 0x94D049BB133111EBull;
-        return z ^ (z >> 31);
-    }
-    double uniform() { return static_cast<double>(next() >> 11) * 0x1.0p-53; }
-    /// Mean 0, deviation 1.
-    double normal() {
-        double sum = -6;
-        for (int i = 0; i < 12; ++i) sum += uniform();
-        return sum;
-    }
-
-private:
-    std::uint64_t state_;
-};
-
 } // namespace atirma::xbee

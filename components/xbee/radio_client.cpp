@@ -15,6 +15,22 @@ constexpr unsigned silent_limit = 3; // requests without an answer before the mo
 bool turned_away(delivery code) {
     return code == delivery::cca_failure || code == delivery::purged || code == delivery::resource_error;
 }
+
+/// Any other outcome, also one without a name, may be of a packet that arrived: perhaps only its ACK was lost.
+bool certainly_not_sent(delivery code) {
+    switch (code) {
+        case delivery::cca_failure:
+        case delivery::purged:
+        case delivery::invalid_endpoint:
+        case delivery::not_joined:
+        case delivery::self_addressed:
+        case delivery::address_not_found:
+        case delivery::route_not_found:
+        case delivery::resource_error:
+        case delivery::payload_too_large: return true;
+        default: return false;
+    }
+}
 } // namespace
 
 ise::result<token> radio_client::accept(frame content, instant deadline) {
@@ -251,10 +267,7 @@ void radio_client::settle(instant now, std::uint8_t frame_id, const frame& answe
                                      std::get<at_request>(found->second.content).command == local->command) ||
                                     (remote && std::holds_alternative<remote_at_request>(found->second.content) &&
                                      std::get<remote_at_request>(found->second.content).command == remote->command));
-    if (!fits) {
-        ++counters_.unmatched; // an answer that came after its time was up
-        return;
-    }
+    if (!fits) return; // an answer that came after its time was up
     request r = std::move(found->second);
     pending_.erase(found);
     if (local) return tell(at_outcome{r.id, local->command, 0, local->status, local->value, {}});
@@ -286,9 +299,7 @@ void radio_client::settle(instant now, std::uint8_t frame_id, const frame& answe
     out.delivered = status->outcome == delivery::success;
     out.code = status->outcome;
     out.retries = status->retries;
-    // Perhaps only the ACK was lost.
-    bool maybe = status->outcome == delivery::no_ack || status->outcome == delivery::network_ack_failure;
-    out.executed = out.delivered || maybe ? ise::execution::unknown : ise::execution::not_executed;
+    out.executed = certainly_not_sent(status->outcome) ? ise::execution::not_executed : ise::execution::unknown;
     if (!out.delivered)
         out.reason = fmt::format("the modem reports {} ({:02X}) after {} retries", name_of(status->outcome),
                                  static_cast<unsigned>(status->outcome), status->retries);

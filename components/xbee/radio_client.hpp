@@ -62,7 +62,7 @@ using client_event =
     std::variant<radio_ready, radio_silent, send_outcome, at_outcome, packet_received, modem_restarted>;
 
 struct client_counters {
-    std::uint64_t frames = 0, refused_frames = 0, skipped_bytes = 0, unmatched = 0, dropped_events = 0, delayed = 0;
+    std::uint64_t frames = 0, refused_frames = 0, skipped_bytes = 0, dropped_events = 0, delayed = 0;
 };
 
 /// The driver's side of a serial line to an XBee, without I/O. It owns neither port nor clock:

@@ -133,8 +133,8 @@ void xbee_link_emulator::move_boat(double latitude_deg, double longitude_deg) {
     constexpr double metres_per_degree = 111'195, radians_per_degree = 0.017453292519943295;
     const auto& home = options_.shore_position;
     xbee::place to;
-    to.x_m =
-        (longitude_deg - home.longitude_deg) * metres_per_degree * std::cos(home.latitude_deg * radians_per_degree);
+    to.x_m = std::remainder(longitude_deg - home.longitude_deg, 360) * metres_per_degree *
+             std::cos(home.latitude_deg * radians_per_degree);
     to.y_m = (latitude_deg - home.latitude_deg) * metres_per_degree;
     if (!std::isfinite(to.x_m) || !std::isfinite(to.y_m)) return;
     distance_m_ = std::hypot(to.x_m, to.y_m);

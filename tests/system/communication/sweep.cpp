@@ -2,7 +2,7 @@
 // epochs that the boat obeys grow.
 #include "shore.hpp"
 
-#include <components/boat_simulator/generator.hpp>
+#include <components/boat/random_source.hpp>
 
 #include <support/catch.hpp>
 
@@ -101,7 +101,7 @@ private:
         });
     }
 
-    simulator::generator dice_;
+    random_source dice_;
     std::set<std::string> full_, backed_up_;
     std::uint32_t last_id_ = 100;
 };

@@ -184,6 +184,29 @@ TEST_CASE("refusals say what is wrong") {
     CHECK_THAT(parse_telemetry(resealed(raw)).error().message(), ise_test::Contains("version 9"));
 }
 
+TEST_CASE("a time after 2200 is refused in every packet, because clocks cannot count with it") {
+    auto at = [](std::int64_t ms) {
+        auto made = header();
+        made.measured_at = utc_time(std::chrono::milliseconds(ms));
+        return made;
+    };
+    constexpr std::int64_t last = 7'258'118'400'000, most = 281'474'976'710'655; // 2200-01-01, 48 bits
+    telecommand order;
+    order.valid_for = std::chrono::minutes(1);
+    order.command = commands::ping();
+    acknowledgement answer;
+    for (auto ms : {last, last + 1, most}) {
+        order.sent_at = at(ms).measured_at;
+        answer.header = at(ms);
+        CAPTURE(ms);
+        auto telemetry = parse_telemetry(encode_telemetry(at(ms), notice{"A"}));
+        CHECK(bool(telemetry) == (ms == last));
+        CHECK(bool(parse_telecommand(encode_telecommand(order))) == (ms == last));
+        CHECK(bool(parse_acknowledgement(encode_acknowledgement(answer))) == (ms == last));
+        if (!telemetry) CHECK(telemetry.error().message() == "a time after 2200");
+    }
+}
+
 TEST_CASE("values that the layout cannot hold are clamped, wrapped or zero") {
     location at;
     at.latitude_deg = std::nan("");

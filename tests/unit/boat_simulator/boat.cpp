@@ -326,6 +326,30 @@ TEST_CASE("waypoints are added, inserted, deleted, selected, read back and clear
     CHECK(tell(commands::waypoint_add{{28.1, -15.45}}).code == ack_code::refused);
 }
 
+TEST_CASE("a boat on station in Auto stays there when its list is cleared") {
+    for (bool with_mark : {false, true}) {
+        simulated_boat boat(sailing({}), steady(6, 40));
+        if (with_mark) boat.execute(command(1, commands::waypoint_add{boat.chart().to_waypoint({200, 0})}));
+        boat.advance(30min);
+        vec station = boat.state().position_m;
+        boat.execute(command(2, commands::waypoint_clear()));
+        boat.advance(150min);
+        CAPTURE(with_mark);
+        CHECK(length(boat.state().position_m - station) < 150);
+    }
+}
+
+TEST_CASE("a boat on station at its only waypoint stays there when that is deleted") {
+    simulated_boat boat(sailing({}), steady(6, 40));
+    boat.execute(command(1, commands::waypoint_add{boat.chart().to_waypoint({200, 0})}));
+    boat.advance(30min);
+    vec station = boat.state().position_m;
+    CHECK(length(station - vec{200, 0}) < 100);
+    boat.execute(command(2, commands::waypoint_delete{0}));
+    boat.advance(150min);
+    CHECK(length(boat.state().position_m - station) < 150);
+}
+
 TEST_CASE("parameters are set, read and refused with their range") {
     simulated_boat boat(sailing(find_course("T1")->marks), steady(6, 40));
     auto tell = [&](std::uint32_t id, boat_command what) { return boat.execute(command(id, std::move(what))); };

@@ -73,6 +73,25 @@ TEST_CASE("a boat that lost its power goes on where it was, in its next boot, wi
     CHECK(next.execute(old).code == ack_code::no_authority);
 }
 
+TEST_CASE("a boat that lost its power keeps the periods that telecommands have set, and no others") {
+    auto boat = sailed_for(10s, on_t1()); // without GPRS and Iridium
+    CHECK(boat.execute(command(1, commands::set_telemetry_period{link_id::gprs, 30})).code == ack_code::done);
+    auto again = on_t1();
+    again.resumed = boat.remember();
+    again.telemetry_period_s = {2, 5, 600};
+    auto next = sailed_for(0s, again);
+    CHECK(next.telemetry_period_s(link_id::xbee) == 2);
+    CHECK(next.telemetry_period_s(link_id::iridium) == 600);
+    CHECK(next.telemetry_period_s(link_id::gprs) == 30);
+    next.execute(command(2, commands::set_parameter{parameter_id::telemetry_period, 4}));
+    next.execute(command(3, commands::set_telemetry_period{link_id::gprs, 0}));
+    again.resumed = next.remember();
+    auto third = sailed_for(0s, again);
+    CHECK(third.telemetry_period_s(link_id::xbee) == 4);
+    CHECK(third.telemetry_period_s(link_id::iridium) == 600);
+    CHECK(third.telemetry_period_s(link_id::gprs) == 0);
+}
+
 TEST_CASE("a forged epoch is not kept over the loss of power, and the boat obeys the operators ashore afterwards") {
     auto keeper = ise::database::open("memory:boat-epoch", {}).value(); // the file, over the boat's lives
     {
@@ -123,6 +142,30 @@ TEST_CASE("a boat's memory gives back what was put there, and the packets withou
     auto memory = boat_memory::open("memory:boat-memory").value();
     memory.forget(1).value(); // under the new numbers
     CHECK(memory.take_unacknowledged().value() == std::vector<ise::bytes>{packets[3]});
+}
+
+TEST_CASE("a boat's memory from before only commanded periods were stored is read") {
+    auto boat = sailed_for(60s, on_t1());
+    boat.execute(command(1, commands::set_telemetry_period{link_id::xbee, 7}));
+    auto raw = ise::encode(boat.remember());
+    raw.resize(raw.size() - 11); // u8 1 and f64 of the radio, u8 0 twice
+    for (double period_s : {7.0, 5.0, 0.0}) {
+        auto old = ise::encode(period_s);
+        raw.insert(raw.end(), old.begin(), old.end());
+    }
+    auto keeper = ise::database::open("memory:boat-memory-periods", {}).value();
+    boat_memory::open("memory:boat-memory-periods").value().keep(boat.remember(), {}).value();
+    keeper.execute("UPDATE boat SET state = ?", {raw}).value();
+    auto again = on_t1();
+    again.resumed = boat_memory::open("memory:boat-memory-periods").value().last().value();
+    REQUIRE(again.resumed);
+    CHECK(again.resumed->boot == 41);
+    CHECK(again.resumed->list.size() == 3);
+    again.telemetry_period_s = {2, 8, 600};
+    auto next = sailed_for(0s, again);
+    CHECK(next.telemetry_period_s(link_id::xbee) == 7);
+    CHECK(next.telemetry_period_s(link_id::iridium) == 600);
+    CHECK(next.telemetry_period_s(link_id::gprs) == 8);
 }
 
 TEST_CASE("a boat's memory from before there were receipts is read, and has room for packets without one") {

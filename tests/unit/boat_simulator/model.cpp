@@ -99,6 +99,17 @@ TEST_CASE("metres and the chart lead to each other") {
     CHECK(compass_deg(from_compass_rad(271.5)) == Approx(271.5));
 }
 
+TEST_CASE("the chart goes on over the dateline") {
+    local_chart chart({-16.8, 179.99});
+    vec there = chart.to_metres({-16.8, -179.99});
+    CHECK(there.x == Approx(2129).margin(5));
+    CHECK(chart.to_waypoint(there).longitude_deg == Approx(-179.99).margin(1e-9));
+    local_chart from_the_west({-16.8, -179.99});
+    vec back = from_the_west.to_metres({-16.8, 179.99});
+    CHECK(back.x == Approx(-2129).margin(5));
+    CHECK(from_the_west.to_waypoint(back).longitude_deg == Approx(179.99).margin(1e-9));
+}
+
 TEST_CASE("gusting wind is the same for a seed, differs for another, and keeps its mean") {
     auto a = gusting_wind({6, 30}, 7), b = gusting_wind({6, 30}, 7), c = gusting_wind({6, 30}, 8);
     double sum = 0, least = 99, most = 0;

@@ -87,7 +87,7 @@ TEST_CASE("radio backlog: a receipt, forged or not, takes away no packet that wa
     auto silent = start + 30s;
     CHECK(kept.put(silent, packet(1)));
     CHECK_FALSE(kept.put(silent, packet(2)));
-    kept.restore(packet(9, 2));
+    kept.put_held(packet(9, 2));
     telemetry_receipt forged;
     forged.packets = {{2, 9}, {3, 1}, {3, 2}, {3, 3}};
     CHECK(kept.on_receipt(silent, forged) == std::vector<packet_name>{{3, 1}});
@@ -116,7 +116,7 @@ TEST_CASE("radio backlog: what the modem did not take, and what a boat had befor
     REQUIRE(memory.forget({{2, 2}, {2, 9}}));
     auto before = memory.not_receipted().value();
     REQUIRE(before.size() == 2);
-    for (auto& raw : before) kept.restore(std::move(raw));
+    for (auto& raw : before) kept.put_held(std::move(raw));
     CHECK(sequence_of(kept.next(start)) == 1);
     CHECK(sequence_of(kept.next(start)) == 3);
     CHECK(kept.waiting() == 3);

@@ -2,6 +2,9 @@
 
 #include <support/catch.hpp>
 
+#include <fmt/format.h>
+
+#include <chrono>
 #include <cmath>
 #include <random>
 
@@ -121,6 +124,49 @@ TEST_CASE("sea limits: two areas that overlap are one") {
         [[[10.008,50],[10.02,50],[10.02,50.01],[10.008,50.01],[10.008,50]]]]})"),
         false);
     CHECK_FALSE(in.trouble({50.005, 10.001}, {50.005, 10.019}));
+}
+
+TEST_CASE("sea limits: edges inside of what the fence allows are no limits") {
+    sea_limits in(
+        fence(R"({"type":"MultiPolygon","coordinates":[[[[10,50],[10.01,50],[10.01,50.01],[10,50.01],[10,50]]],
+        [[[10.008,49.995],[10.02,49.995],[10.02,50.005],[10.008,50.005],[10.008,49.995]]],
+        [[[10.02,49.995],[10.03,49.995],[10.03,50.005],[10.02,50.005],[10.02,49.995]]]]})"),
+        false);
+    double metres_east = flat_distance_m({50, 10}, {50, 10.001});
+    CHECK(in.fence_clearance_m({50.004, 10.009}, 5000) == Approx(std::hypot(metres_east, 111.2)).margin(1));
+    CHECK(in.fence_clearance_m({50.0025, 10.0079}, 5000) == Approx(278).margin(1));              // of the first's south
+    CHECK(in.fence_clearance_m({50, 10.02}, 5000) == Approx(556).margin(1));                     // on a common edge
+    CHECK(in.fence_clearance_m({50.004, 10.02}, 5000) == Approx(111.2).margin(1));               // at its end
+    CHECK(in.fence_clearance_m({50.0075, 10.0105}, 5000) == Approx(-metres_east / 2).margin(1)); // outside
+    CHECK_FALSE(in.trouble({50.0025, 10.005}, {50.0025, 10.025}));
+
+    // An area to keep out that lies half outside: only its edges within count, and what it cuts off does not.
+    sea_limits bent(fence(R"({"type":"FeatureCollection","features":[
+        {"type":"Feature","geometry":{"type":"Polygon","coordinates":[[[10,50],[10.02,50],[10.02,50.02],[10,50.02],
+         [10,50]]]}},
+        {"type":"Feature","properties":{"fence":"keep-out"},"geometry":{"type":"Polygon","coordinates":[[[10.005,49.99],
+         [10.015,49.99],[10.015,50.01],[10.005,50.01],[10.005,49.99]]]}}]})"),
+                    false);
+    CHECK(bent.fence_clearance_m({50.012, 10.01}, 5000) == Approx(222.4).margin(1));
+    CHECK(bent.fence_clearance_m({50.001, 10.01}, 5000) == Approx(-5 * metres_east).margin(1));
+    CHECK(bent.fence_clearance_m({50.005, 10.002}, 5000) == Approx(2 * metres_east).margin(1));
+}
+
+TEST_CASE("sea limits: a leg through as many adjoining areas as a fence can have is judged at once") {
+    std::string text = R"({"type":"MultiPolygon","coordinates":[)";
+    constexpr int squares = 1990;
+    for (int i = 0; i < squares; ++i) {
+        double west = 10 + 0.001 * i, east = 10 + 0.001 * (i + 1);
+        text += fmt::format("{}[[[{:.3f},50],[{:.3f},50],[{:.3f},50.01],[{:.3f},50.01],[{:.3f},50]]]", i ? "," : "",
+                            west, east, east, west, west);
+    }
+    auto squares_of = fence(text + "]}");
+    const auto start = std::chrono::steady_clock::now();
+    sea_limits in(squares_of, false);
+    for (int leg = 0; leg < 40; ++leg) CHECK_FALSE(in.trouble({50.005, 10.0005}, {50.005, 11.9895}));
+    CHECK(says(in.trouble({50.005, 10.0005}, {50.009, 11.9905}), "ends outside the fence"));
+    CHECK(in.fence_clearance_m({50.004, 11.0005}, 5000) == Approx(444.8).margin(1));
+    CHECK(std::chrono::steady_clock::now() - start < std::chrono::seconds(10)); // a hundred times what it takes
 }
 
 TEST_CASE("sea limits: a fence over the antimeridian is one area") {

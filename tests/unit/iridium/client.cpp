@@ -200,6 +200,60 @@ TEST_CASE("iridium: a message that is handed over during a look for mail is not 
     CHECK(it.all<sbd_sent>().size() == 1);
 }
 
+TEST_CASE("iridium: a ring before the message that is fetched is heard") {
+    sbd_client client;
+    ise::time_point now{1h};
+    auto written = [&] { return std::string(ise::as_text(client.take_output())); };
+    auto answer = [&](std::string_view text) {
+        client.on_bytes(now, ise::as_bytes(text));
+        return written();
+    };
+    client.start(now);
+    auto asked = written();
+    while (!client.ready()) asked = answer("\r\nOK\r\n");
+    client.check(now);
+    CHECK(written() == "AT+SBDD0\r");
+    CHECK(answer("0\r\n\r\nOK\r\n") == "AT+SBDIX\r");
+    CHECK(answer("+SBDIX: 0, 1, 1, 7, 2, 0\r\n\r\nOK\r\n") == "AT+SBDRB\r");
+    CHECK(answer("\r\nSBDR").empty());
+    CHECK(answer("ING\r\n").empty());
+    CHECK(answer(std::string_view("\x00\x02hi\x00\xD1\r\nOK\r\n", 12)) == "AT+SBDD0\r"); // the ring is obeyed
+    CHECK(answer("0\r\n\r\nOK\r\n") == "AT+SBDIXA\r");
+    std::vector<std::string> got;
+    while (auto event = client.take_event())
+        if (auto* one = std::get_if<sbd_received>(&*event)) got.emplace_back(ise::as_text(one->data));
+    CHECK(got == std::vector<std::string>{"hi"});
+}
+
+TEST_CASE("iridium: a modem that answers ERROR to AT is asked again after a pause") {
+    sbd_client client;
+    ise::time_point now{1h};
+    client.start(now);
+    std::size_t asked = 0, told = 0;
+    for (auto end = now + 60s; now < end;) {
+        bool quiet = client.take_output().empty();
+        if (!quiet) {
+            ++asked;
+            client.on_bytes(now, ise::as_bytes("\r\nERROR\r\n"));
+            REQUIRE(asked < 100);
+        }
+        while (auto event = client.take_event()) told += std::holds_alternative<sbd_silent>(*event) ? 1 : 0;
+        if (!quiet) continue;
+        REQUIRE(client.next_event() > now);
+        now = std::min(end, client.next_event());
+        client.on_time(now);
+    }
+    CHECK(asked == 12); // each 5 s
+    CHECK(told == 1);
+    client.on_bytes(now, {});
+    // It is another modem, or has come to its senses.
+    for (int i = 0; i < 12 && !client.ready(); ++i) {
+        if (!client.take_output().empty()) client.on_bytes(now, ise::as_bytes("\r\nOK\r\n"));
+        else client.on_time(now = client.next_event());
+    }
+    CHECK(client.ready());
+}
+
 TEST_CASE("iridium: a modem that falls silent is asked on, and serves again when it is back") {
     pair_on_a_line it;
     it.connected = false;

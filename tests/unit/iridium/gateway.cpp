@@ -96,6 +96,19 @@ TEST_CASE("iridium gateway: a message for the modem waits until a later session 
     CHECK(model.state.mt_delivered == 2);
 }
 
+TEST_CASE("iridium gateway: a DirectIP flush without payload empties the queue and queues nothing") {
+    gateway_model model(account());
+    REQUIRE(model.enqueue(start, imei, ise::bytes(3), false).status == 1);
+    REQUIRE(model.enqueue(start, imei, ise::bytes(3), false).status == 2);
+    CHECK(model.enqueue(start, imei, {}, false).status == -4); // without the flag
+    CHECK(model.state.mt_waiting == 2);
+    auto refused = model.state.mt_refused;
+    CHECK(model.enqueue(start, imei, {}, true).status == 0);
+    CHECK(model.state.mt_refused == refused);
+    CHECK(model.state.mt_waiting == 0);
+    CHECK(model.session(start, wall, session_of(1, 10)).value().mt_status == 0);
+}
+
 TEST_CASE("iridium gateway: submissions are answered with the code that fits") {
     gateway_model model(account());
     std::string ring;

@@ -3,6 +3,8 @@
 
 #include <support/catch.hpp>
 
+#include <set>
+
 namespace client_test {
 
 using namespace atirma::xbee;
@@ -191,6 +193,34 @@ TEST_CASE("a full queue and a payload too large are refused, stopping ends every
     a.client.start(sky.now);
     sky.run(5s);
     CHECK(a.client.ready());
+}
+
+TEST_CASE("a transmission counts as not executed only where the modem has certainly not sent it") {
+    auto executed_with = [](std::uint8_t code) {
+        radio_client client{client_options{}};
+        auto written = [&client] {
+            frame_decoder decoder(api_mode::plain);
+            decoder.push(client.take_output());
+            return std::get<frame>(decoder.next().value());
+        };
+        client.start(0s);
+        auto asked = std::get<at_request>(written());
+        client.on_bytes(0s, encode(at_response{asked.frame_id, at("AP"), at_status::ok, hex("01")}, api_mode::plain));
+        client.send(0s, 2, hex("01"), 0, 100ms).value(); // too short for another attempt
+        auto sent = std::get<transmit_request>(written());
+        client.on_bytes(0s, encode(transmit_status{sent.frame_id, unknown_network, 0, static_cast<delivery>(code), 0},
+                                   api_mode::plain));
+        while (auto event = client.take_event())
+            if (auto* outcome = std::get_if<send_outcome>(&*event)) return outcome->executed;
+        FAIL("no outcome");
+        return ise::execution::unknown;
+    };
+    const std::set<int> not_sent{0x02, 0x03, 0x15, 0x22, 0x23, 0x24, 0x25, 0x32, 0x74};
+    for (int code = 0; code < 256; ++code) {
+        CAPTURE(code);
+        auto expected = not_sent.contains(code) ? ise::execution::not_executed : ise::execution::unknown;
+        CHECK(executed_with(static_cast<std::uint8_t>(code)) == expected);
+    }
 }
 
 TEST_CASE("garbage between frames is skipped and counted") {

@@ -67,6 +67,46 @@ TEST_CASE("a queued command waits for AC, and a change of AP is answered in the 
     CHECK(ask(m, 1s, "AP", {}, api_mode::escaped).value == hex("02"));
 }
 
+TEST_CASE("a modem reads frames as it writes them, whichever way its API mode was changed") {
+    auto reads_escaped = [](modem& m, instant now) { // 7E within the frame is escaped
+        auto got = ask(m, now, "NI", hex("7E7D11"), api_mode::escaped);
+        return got.status == at_status::ok && ask(m, now, "NI", {}, api_mode::escaped).value == hex("7E7D11");
+    };
+    SECTION("in command mode") {
+        modem m({});
+        m.take_serial();
+        m.on_serial(5s, ise::as_bytes("+++"));
+        m.advance(7s);
+        m.on_serial(7s, ise::as_bytes("ATAP2\rATCN\r"));
+        CHECK(text(m) == "OK\rOK\rOK\r");
+        CHECK(reads_escaped(m, 8s));
+    }
+    SECTION("by a queued command") {
+        modem m({});
+        m.take_serial();
+        m.on_serial(1s, encode(at_request{3, at("AP"), hex("02"), true}, api_mode::plain));
+        CHECK(std::get<at_response>(frames(m)[0]).status == at_status::ok);
+        CHECK(ask(m, 1s, "AC").status == at_status::ok); // answered in the old mode
+        CHECK(reads_escaped(m, 1s));
+    }
+    SECTION("by a queued command, with the next request") {
+        modem m({});
+        m.take_serial();
+        m.on_serial(1s, encode(at_request{3, at("AP"), hex("02"), true}, api_mode::plain));
+        m.take_serial();
+        CHECK(ask(m, 1s, "PL").status == at_status::ok);
+        CHECK(reads_escaped(m, 1s));
+    }
+    SECTION("by a remote modem") {
+        modem m({});
+        m.take_serial();
+        m.on_air(1s, radio_packet{7, m.address(), m.network(), 1, radio_kind::remote_at, hex("0100415002")}, -71);
+        m.advance(2s);
+        m.take_serial();
+        CHECK(reads_escaped(m, 3s));
+    }
+}
+
 TEST_CASE("+++ between silences opens command mode, which reads DB as text") {
     modem m({});
     m.take_serial();
@@ -218,7 +258,7 @@ TEST_CASE("FR restarts the modem, which says so when it is back") {
 TEST_CASE("garbage on the serial line neither stops nor grows the modem") {
     modem m({});
     m.take_serial();
-    radio_random random(5);
+    atirma::random_source random(5);
     for (int i = 0; i < 2000; ++i) {
         ise::bytes piece;
         for (std::uint64_t n = random.next() % 50; n-- > 0;)
