@@ -206,9 +206,10 @@ alarm_list::alarm_list(std::function<void(const std::string&)> acknowledge, QWid
     log_->setColumnWidth(0, 76);
     log_->horizontalHeader()->setStretchLastSection(false);
     log_->horizontalHeader()->setSectionResizeMode(1, QHeaderView::Stretch);
-    log_->verticalHeader()->setSectionResizeMode(QHeaderView::ResizeToContents);
     log_->setColumnWidth(2, 112);
     log_->setWordWrap(true);
+    // Not ResizeToContents, which measures all rows again for each changed cell.
+    connect(log_->horizontalHeader(), &QHeaderView::sectionResized, this, [this] { measure_log(); });
     log_->setAccessibleName(tr("Log of alarms"));
     log_->hide();
     column->addWidget(log_, 1);
@@ -221,6 +222,8 @@ alarm_list::alarm_list(std::function<void(const std::string&)> acknowledge, QWid
         log_->setVisible(on);
         table_->setVisible(!on && !keys_.empty());
         empty_->setVisible(!on && keys_.empty());
+        if (on && !log_measured_) measure_log();
+        if (!on) table_->resizeRowsToContents();
     });
     line->addWidget(log_button_);
     auto* one = new QPushButton(tr("Acknowledge"), this);
@@ -265,21 +268,41 @@ void alarm_list::show_snapshot(const snapshot& seen, utc_time) {
         keys_.push_back(one.key);
         ++row;
     }
-    table_->resizeRowsToContents(); // shows the full text of an alarm
+    if (table_->isVisible()) table_->resizeRowsToContents(); // shows the full text of an alarm
 }
 
+/// Its rows as high as their words, which takes long for hundreds of them: not while nobody sees it.
+void alarm_list::measure_log() {
+    log_measured_ = log_->isVisible();
+    if (log_measured_) log_->resizeRowsToContents();
+}
+
+/// New events come at the top: the rows below move with their heights, and an event does not change.
 void alarm_list::show_log(const snapshot& seen) {
+    if (log_->isVisible() && !log_measured_) measure_log();
     if (!seen.alarm_log || logged_ == seen.alarm_log) return;
-    logged_ = seen.alarm_log;
+    auto before = std::exchange(logged_, seen.alarm_log);
+    auto many = static_cast<int>(logged_->size()), fresh = many;
+    if (before && !before->empty()) {
+        const auto& last = before->back();
+        int newer = 0;
+        for (auto it = logged_->rbegin(); it != logged_->rend() && it->number > last.number; ++it) ++newer;
+        // Else its component has started again, and counts from 1.
+        if (newer < many && (*logged_)[static_cast<std::size_t>(many - 1 - newer)].at == last.at) fresh = newer;
+    }
+    if (fresh < many)
+        for (int row = 0; row < fresh; ++row) log_->insertRow(0);
+    log_->setRowCount(many);
     const auto& t = colours();
-    log_->setRowCount(static_cast<int>(logged_->size()));
-    int row = 0;
-    for (auto it = logged_->rbegin(); it != logged_->rend(); ++it, ++row) {
-        bool grave = it->what == alarm_change::raised || it->what == alarm_change::more_severe;
-        auto ink = grave ? t.of(it->how) : t.ink2;
-        set_cell(log_, row, 0, clock_of(it->at), t.ink3, text(ise::iso_8601(it->at, 3)));
-        set_cell(log_, row, 1, text(it->text), ink);
-        set_cell(log_, row, 2, text(std::string(name_of(it->what))), t.ink2, text(std::string(name_of(it->how))));
+    log_measured_ = log_measured_ && log_->isVisible();
+    for (int row = 0; row < fresh; ++row) {
+        const auto& one = (*logged_)[static_cast<std::size_t>(many - 1 - row)];
+        bool grave = one.what == alarm_change::raised || one.what == alarm_change::more_severe;
+        auto ink = grave ? t.of(one.how) : t.ink2;
+        set_cell(log_, row, 0, clock_of(one.at), t.ink3, text(ise::iso_8601(one.at, 3)));
+        set_cell(log_, row, 1, text(one.text), ink);
+        set_cell(log_, row, 2, text(std::string(name_of(one.what))), t.ink2, text(std::string(name_of(one.how))));
+        if (log_measured_) log_->resizeRowToContents(row);
     }
 }
 

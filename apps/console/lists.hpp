@@ -76,10 +76,12 @@ public:
 
 private:
     void show_log(const snapshot& seen);
+    void measure_log();
 
     QTableWidget *table_, *log_;
     QPushButton* log_button_;
     std::shared_ptr<const std::vector<alarm_event>> logged_;
+    bool log_measured_ = false; ///< its rows have their heights
     QLabel* empty_;
     std::function<void(const std::string&)> acknowledge_;
     std::vector<std::string> keys_;

@@ -175,14 +175,55 @@ TEST_CASE(
     it.picture("who");
 }
 
+namespace {
+
+/// Counts the cells that are measured.
+struct counting : QStyledItemDelegate {
+    mutable int measured = 0;
+    QSize sizeHint(const QStyleOptionViewItem& how, const QModelIndex& of) const override {
+        ++measured;
+        return QStyledItemDelegate::sizeHint(how, of);
+    }
+};
+
+} // namespace
+
+TEST_CASE("console windows: with hundreds of events in the log of alarms, a new one measures its own row only") {
+    counting counts;
+    desk it;
+    it.window->show_tab("alarms");
+    auto fails = [&](std::uint32_t id, const std::string& why) {
+        it.state.on_outcome(id, command_phase::refused, std::nullopt, why, it.now);
+        it.show();
+    };
+    it.find("show_alarm_log").click();
+    for (std::uint32_t id = 1; id <= 300; ++id)
+        it.state.on_outcome(id, command_phase::refused, std::nullopt, "not now", it.now);
+    it.show();
+    auto& log = it.find<QTableWidget>("alarm_log");
+    REQUIRE(log.rowCount() == static_cast<int>(alarm_book::max_events));
+    log.setItemDelegate(&counts);
+    fails(900, "a reason that takes several lines, because it has many words in a column that is not that wide");
+    REQUIRE(log.rowCount() == static_cast<int>(alarm_book::max_events));
+    CHECK(log.item(0, 2)->text() == "over");
+    CHECK(log.item(1, 1)->text().contains("several lines"));
+    CHECK(log.item(2, 1)->text().contains("not now"));
+    CHECK(log.rowHeight(1) > log.rowHeight(2));
+    CHECK(counts.measured > 0);
+    CHECK(counts.measured < 40);
+    // While nobody sees it, nothing is measured; afterwards all rows have their heights.
+    it.find("show_alarm_log").click();
+    counts.measured = 0;
+    fails(901, "another reason that takes several lines, because it has many words in a column that is not that wide");
+    CHECK(counts.measured == 0);
+    it.find("show_alarm_log").click();
+    CHECK(log.item(1, 1)->text().contains("another reason"));
+    CHECK(log.rowHeight(1) > log.rowHeight(4));
+    log.setItemDelegate(nullptr);
+}
+
 TEST_CASE("console windows: with hundreds of telecommands in the log, a new one measures its own row only") {
-    struct counting : QStyledItemDelegate {
-        mutable int measured = 0;
-        QSize sizeHint(const QStyleOptionViewItem& how, const QModelIndex& of) const override {
-            ++measured;
-            return QStyledItemDelegate::sizeHint(how, of);
-        }
-    } counts;
+    counting counts;
     desk it;
     it.window->show_tab("log");
     for (std::uint32_t id = 1; id <= 200; ++id)
