@@ -30,7 +30,11 @@ public:
     /// Asks for a confirmation; Enter cancels.
     bool confirmed(const QString& what, const QString& why);
     /// The state now: without the authority, commands offer to take it first; legs are checked against coast and fence.
-    void know(std::shared_ptr<const snapshot> seen) { seen_ = std::move(seen); }
+    /// `ended`: the component has ended, and takes no actions any more.
+    void know(std::shared_ptr<const snapshot> seen, bool ended = false) {
+        seen_ = std::move(seen);
+        ended_ = ended;
+    }
     /// Asks for an override if there is `trouble` with legs (leg_check.hpp). Returns false if the operator cancelled.
     bool overridden(const QString& what, const std::string& trouble);
 
@@ -46,6 +50,8 @@ Q_SIGNALS:
     void said(const QString& text);
 
 private:
+    /// Says that nothing can be sent any more, before a question that would be in vain.
+    bool has_ended();
     /// Asks the operator if this console does not have the authority. Empty: the operator cancelled, or requests it.
     std::optional<taking> authority_for(const QString& what);
 
@@ -56,6 +62,7 @@ private:
 
     std::string via_;
     std::shared_ptr<const snapshot> seen_;
+    bool ended_ = false;
     std::optional<float> valid_s_;
 };
 

@@ -35,6 +35,8 @@ state_words state_of(const snapshot& seen, utc_time now) {
     return made;
 }
 
+state_words state_of_ended() { return {QObject::tr("ended"), QString(), colours().bad, colours().bad_back}; }
+
 QString mode_words(const snapshot& seen, utc_time at) {
     const auto& boat = seen.boat;
     if (!boat.sailing) return QStringLiteral("–");

@@ -137,7 +137,10 @@ void paint_pointer(QPainter& to, const chart_projection& projection, const chart
 void paint_empty(QPainter& to, const chart_projection& projection, const chart_scene& scene) {
     const auto& t = colours();
     QString head = QObject::tr("No boat heard yet"), what, more;
-    if (scene.seen) {
+    if (!scene.ended.isEmpty()) {
+        head = QObject::tr("Nothing is received any more");
+        what = QObject::tr("Start the console again; the red strip has the reason");
+    } else if (scene.seen) {
         const auto& f = scene.seen->finding;
         what = QObject::tr("Looking for %1").arg(text(f.looking_for));
         if (!f.where.empty()) what += QObject::tr(" at %1").arg(text(f.where));

@@ -38,6 +38,8 @@ QString pill(const QColor& ink, const QColor& back) {
         .arg(ink.name(), back.name());
 }
 
+constexpr int strip_height = 34;
+
 /// Only a new one: Qt lays the widget out again for each.
 void set_sheet(QWidget* of, const QString& sheet) {
     if (of->styleSheet() != sheet) of->setStyleSheet(sheet);
@@ -74,10 +76,11 @@ QWidget* console_window::make_head() {
 void console_window::show_head(utc_time at) {
     const auto& t = colours();
     const auto& boat = seen_->boat;
-    auto state = state_of(*seen_, at);
+    const auto& ended = fleet_.ended(shown_);
+    auto state = ended.empty() ? state_of(*seen_, at) : state_of_ended();
     auto words = state.age.isEmpty() ? state.words : tr("%1 · %2").arg(state.words, state.age);
     status_->setText("● " + words);
-    status_->setToolTip(words);
+    status_->setToolTip(ended.empty() ? words : text(ended));
     set_sheet(status_, pill(state.ink, state.back));
     bool known = boat.sailing.has_value();
     bool irons = known && boat.sailing->value.in_irons, fence = known && boat.sailing->value.at_fence;
@@ -126,11 +129,12 @@ QWidget* console_window::make_alarm_strip() {
     strip_text_->setObjectName("alarm_text");
     strip_text_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
     strip_text_->setAccessibleName(tr("Alarm"));
-    strip_->setFixedHeight(34); // the same with and without an alarm
+    strip_->setFixedHeight(strip_height); // the same with and without an alarm
     auto* more = strip_more_ = new QPushButton(tr("Show"), strip_);
     connect(more, &QPushButton::clicked, this, [this] {
         auto open = fleet_.open_alarms(shown_);
         if (!open.empty()) show_boat(open.front().boat);
+        else if (auto ended = fleet_.first_ended(shown_)) show_boat(*ended);
         show_tab("alarms");
     });
     auto* acknowledge = strip_acknowledge_ = new QPushButton(tr("Acknowledge"), strip_);
@@ -159,8 +163,10 @@ void console_window::show_alarm_strip() {
     auto open_alarms = fleet_.open_alarms(shown_);
     auto open = open_alarms.size();
     auto open_here = count_open(*seen_).count;
-    strip_more_->setVisible(open > 0);
-    strip_acknowledge_->setVisible(open > 0);
+    auto ended = fleet_.first_ended(shown_);
+    bool shows_end = ended && (open == 0 || *ended == shown_);
+    strip_more_->setVisible(open > 0 || (ended && *ended != shown_));
+    strip_acknowledge_->setVisible(open > 0 && !shows_end);
     auto place = tabs_->indexOf(alarms_);
     bool grave = std::ranges::any_of(all, [](const auto& a) { return !a.acknowledged && a.how == severity::critical; });
     tabs_->tabBar()->setTabTextColor(place, grave ? t.bad : open_here > 0 ? t.warn : QColor());
@@ -171,6 +177,21 @@ void console_window::show_alarm_strip() {
             .arg(back.name(), ink.name())
             .arg(weight);
     };
+    if (shows_end) {
+        auto told = text(fleet_.labelled(*ended, fleet_.ended(*ended)));
+        set_sheet(strip_, strip_sheet(t.bad_back, t.bad, 600));
+        auto words = open > 0 ? told + tr("   + %1 more").arg(open) : told;
+        strip_text_->setWordWrap(true);
+        strip_text_->setText(words);
+        strip_text_->setToolTip(told);
+        QFontMetrics letters(font_of(smallest_text, QFont::DemiBold));
+        QRect room(0, 0, std::max(100, strip_text_->width()), 10'000);
+        auto lines = letters.boundingRect(room, Qt::TextWordWrap, words).height() / letters.lineSpacing();
+        strip_->setFixedHeight(strip_height + (lines - 1) * letters.lineSpacing()); // it stays: all of it is shown
+        return;
+    }
+    strip_text_->setWordWrap(false);
+    strip_->setFixedHeight(strip_height);
     if (open == 0) {
         set_sheet(strip_, strip_sheet(t.page, t.ink3, 400));
         strip_text_->setText(all.empty() ? tr("No alarms") : tr("Acknowledged alarms: %1 (F5)").arg(all.size()));
@@ -186,6 +207,7 @@ void console_window::show_alarm_strip() {
     auto words = QStringLiteral("%1  %2").arg(text(ise::iso_8601(first.raised_at).substr(11, 8)), told);
     if (first.over_at) words += tr("  (over)");
     if (open > 1) words += tr("   + %1 more").arg(open - 1);
+    if (ended) words += QStringLiteral("   + ") + text(fleet_.labelled(*ended, fleet_.ended(*ended)));
     strip_text_->setText(words);
     strip_text_->setToolTip(told);
 }

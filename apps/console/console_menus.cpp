@@ -80,7 +80,7 @@ void console_window::make_menus() {
         add(view, tabs_->tabText(i), QKeySequence(Qt::Key_F1 + i), [this, i] { tabs_->setCurrentIndex(i); });
     add(view, tr("Full screen"), QKeySequence("F11"), [this] { isFullScreen() ? showNormal() : showFullScreen(); });
 
-    auto* boat = menuBar()->addMenu(tr("&Boat"));
+    auto* boat = boat_menu_ = menuBar()->addMenu(tr("&Boat"));
     int number = 1;
     for (auto mode : {sailing_mode::automatic, sailing_mode::hold, sailing_mode::station_keep,
                       sailing_mode::return_home, sailing_mode::manual})

@@ -32,6 +32,7 @@
 #include <QTabWidget>
 #include <QTimer>
 
+#include <initializer_list>
 #include <utility>
 
 namespace atirma::console {
@@ -219,9 +220,27 @@ void console_window::take_snapshot(std::size_t boat, std::shared_ptr<const snaps
     }
 }
 
+void console_window::end_boat(std::size_t boat, const QString& why) {
+    fleet_.end(boat,
+               tr("The console has ended; start it again. Nothing is received or sent: %1").arg(why).toStdString());
+    sound_->play(severity::critical);
+    QApplication::alert(this);
+    refresh();
+}
+
+/// Whether commands are possible: what cannot be sent is not offered.
+void console_window::show_ended() {
+    const auto& ended = fleet_.ended(shown_);
+    bool runs = ended.empty();
+    chart_->show_ended(text(ended));
+    mission_->allow_commands(runs);
+    boat_menu_->menuAction()->setEnabled(runs);
+    for (QWidget* each : std::initializer_list<QWidget*>{command_, helm_, boat_}) each->setEnabled(runs);
+}
+
 void console_window::refresh() {
     auto at = now();
-    actions_.know(seen_);
+    actions_.know(seen_, !fleet_.ended(shown_).empty());
     command_->show_snapshot(*seen_);
     chart_->show_snapshot(seen_, at);
     instruments_->show_boat(seen_->boat, at);
@@ -234,6 +253,7 @@ void console_window::refresh() {
     packets_->show_snapshot(*seen_);
     present_->show_snapshot(*seen_, at);
     show_head(at);
+    show_ended();
     show_fleet(at);
 }
 

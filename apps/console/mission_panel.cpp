@@ -16,6 +16,7 @@
 #include <QTableWidget>
 
 #include <initializer_list>
+#include <utility>
 
 namespace atirma::console {
 
@@ -55,7 +56,7 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     upload_->setObjectName("upload");
     upload_->setToolTip(tr("Held for a second, sends this list to the boat, reads it back and compares (Ctrl+U asks)"));
     upload_->setProperty("role", "primary");
-    auto* read = button("read_back", tr("Read back"), tr("Requests the boat's list (Ctrl+B)"));
+    read_ = button("read_back", tr("Read back"), tr("Requests the boat's list (Ctrl+B)"));
     take_over_ = button("take_over", tr("As on boat"), tr("Discards the edits"));
     go_ = button("go", tr("Sail to"), tr("The boat sails to the selected waypoint of its own list"));
     cancel_ = button("cancel_upload", tr("Stop"), tr("Stops the upload after the telecommand in transit"));
@@ -66,7 +67,7 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     rows->addWidget(down_, 0, 4);
     rows->addWidget(undo_, 0, 5);
     rows->addWidget(upload_, 1, 0, 1, 2);
-    rows->addWidget(read, 1, 2);
+    rows->addWidget(read_, 1, 2);
     rows->addWidget(take_over_, 1, 3, 1, 2);
     rows->addWidget(go_, 1, 5);
     column->addLayout(rows);
@@ -100,7 +101,7 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
         actions_.upload(draft_.points(), seen_ ? seen_->mission.points : std::vector<waypoint>(), true);
     });
     connect(new_, &QPushButton::clicked, this, &mission_panel::begin_new);
-    connect(read, &QPushButton::clicked, this, [this] { actions_.give(commands::waypoint_read_back()); });
+    connect(read_, &QPushButton::clicked, this, [this] { actions_.give(commands::waypoint_read_back()); });
     connect(cancel_, &QPushButton::clicked, this, [this] { actions_.act(cancel_upload()); });
     connect(take_over_, &QPushButton::clicked, this, [this] {
         if (seen_) draft_.take_over(seen_->mission.points);
@@ -127,6 +128,10 @@ void mission_panel::begin_new() {
 
 void mission_panel::set_editing(bool on) {
     if (edit_->isChecked() != on) edit_->setChecked(on);
+}
+
+void mission_panel::allow_commands(bool allowed) {
+    if (std::exchange(allowed_, allowed) != allowed) fill_state();
 }
 
 void mission_panel::show_snapshot(std::shared_ptr<const snapshot> seen, utc_time now) {
@@ -212,9 +217,11 @@ void mission_panel::fill_state() {
     up_->setEnabled(chosen > 0);
     down_->setEnabled(chosen >= 0 && chosen + 1 < many);
     undo_->setEnabled(draft_.can_undo());
-    upload_->setEnabled(!runs);
+    upload_->setEnabled(allowed_ && !runs);
+    read_->setEnabled(allowed_);
+    cancel_->setEnabled(allowed_);
     take_over_->setEnabled(known && draft_.edited());
-    go_->setEnabled(known && chosen >= 0 && chosen < static_cast<int>(seen_->mission.points.size()));
+    go_->setEnabled(allowed_ && known && chosen >= 0 && chosen < static_cast<int>(seen_->mission.points.size()));
     auto phase = seen_ ? seen_->upload.phase : upload_phase::none;
     cancel_->setVisible(runs);
     progress_->setVisible(runs);

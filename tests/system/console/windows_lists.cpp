@@ -6,6 +6,7 @@
 #include <QComboBox>
 #include <QDoubleSpinBox>
 #include <QFile>
+#include <QFrame>
 #include <QPlainTextEdit>
 #include <QStatusBar>
 #include <QStyledItemDelegate>
@@ -330,6 +331,35 @@ TEST_CASE("console windows: snapshots of another thread are shown, and none afte
     port->publish(it.state.view(t0));
     QApplication::processEvents();
     CHECK(port->latest()->track->size() == 50);
+}
+
+TEST_CASE("console windows: a console whose component has ended says so for good, and offers no command") {
+    desk it;
+    it.window->end_boat(
+        0, "'atirma/console/anna' is held by process 14274 on shore at inproc://ise-14274-9d3ac6 under epoch "
+           "1795963170660425, whose lease was renewed 229 ms ago: end it, or choose another path");
+    for (int i = 0; i < 2; ++i) {
+        auto& strip = it.find<QFrame>("alarm_strip");
+        QApplication::processEvents();
+        auto& told = it.find<QLabel>("alarm_text");
+        CHECK(told.text().contains("has ended; start it again"));
+        CHECK(told.text().contains("is held by process 14274"));
+        CHECK(told.heightForWidth(told.width()) <= told.height()); // all of it can be read
+        CHECK(strip.styleSheet().contains(colours().bad_back.name()));
+        CHECK_FALSE(it.find("acknowledge_first").isVisible());
+        CHECK(it.find<QLabel>("status").text() == "● ended");
+        for (const char* name : {"do_tack", "mode_2", "upload", "read_back", "reboot"}) {
+            INFO(name);
+            CHECK_FALSE(it.find(name).isEnabled());
+        }
+        it.now += 60s;
+        it.show();
+        it.picture("ended");
+    }
+    for (auto* each : it.window->findChildren<QAction*>())
+        if (each->shortcut() == QKeySequence("Ctrl+U")) each->trigger(); // no question that would be in vain
+    CHECK(it.window->statusBar()->currentMessage().contains("has ended"));
+    CHECK(it.actions.empty());
 }
 
 TEST_CASE("console windows: a click that nobody takes is said") {
