@@ -7,6 +7,7 @@
 #include <components/gui_client/leg_check.hpp>
 #include <components/gui_client/words.hpp>
 
+#include <QApplication>
 #include <QMessageBox>
 #include <QPushButton>
 
@@ -99,6 +100,7 @@ QString operator_actions::validity_text(command_kind kind, std::optional<float> 
 
 bool operator_actions::give(boat_command command, std::optional<float> valid_s) {
     if (has_ended()) return false;
+    if (given_ == command && since_given_.elapsed() < QApplication::doubleClickInterval()) return false;
     if (!valid_s) valid_s = valid_s_;
     auto what = text(describe(command));
     auto valid = validity_text(command.kind(), valid_s);
@@ -119,6 +121,8 @@ bool operator_actions::give(boat_command command, std::optional<float> valid_s) 
     one.command = command;
     one.via = via_;
     if (!act(std::move(one))) return false;
+    given_ = std::move(command);
+    since_given_.start();
     Q_EMIT said(tr("Given: %1, %2").arg(what, valid));
     return true;
 }

@@ -1,6 +1,7 @@
 #pragma once
 #include <components/gui_client/operator_port.hpp>
 
+#include <QElapsedTimer>
 #include <QObject>
 
 #include <functional>
@@ -21,6 +22,7 @@ public:
     /// Sends it over the link that was chosen for commands. Returns false if the operator cancelled, or the component
     /// does not accept it.
     /// `valid_s`: its validity; nothing: the one that was chosen for all, else by kind and link.
+    /// An equal one within a double click is dropped: two tacks are none.
     bool give(boat_command command, std::optional<float> valid_s = std::nullopt);
     bool set_mode(sailing_mode mode);
     /// `held`: the operator has confirmed it by holding the button.
@@ -38,6 +40,11 @@ public:
     /// Asks for an override if there is `trouble` with legs (leg_check.hpp). Returns false if the operator cancelled.
     bool overridden(const QString& what, const std::string& trouble);
 
+    /// The shown boat is another one: nothing of the one before goes to it.
+    void begin_boat() {
+        via_.clear();
+        given_.reset();
+    }
     /// The path of a proxy; empty: the console chooses.
     void choose_link(std::string path) { via_ = std::move(path); }
     const std::string& link() const noexcept { return via_; }
@@ -63,6 +70,8 @@ private:
     std::string via_;
     std::shared_ptr<const snapshot> seen_;
     bool ended_ = false;
+    std::optional<boat_command> given_; ///< the last one
+    QElapsedTimer since_given_;
     std::optional<float> valid_s_;
 };
 

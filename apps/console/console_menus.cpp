@@ -19,6 +19,7 @@ QAction* console_window::add(QMenu* to, const QString& words, const QKeySequence
     auto* made = to->addAction(words);
     made->setShortcut(key);
     made->setShortcutContext(Qt::WindowShortcut);
+    made->setAutoRepeat(false); // a key that is held sends a command once
     connect(made, &QAction::triggered, this, [act = std::move(act)] { act(); });
     return made;
 }
@@ -27,6 +28,7 @@ void console_window::make_menus() {
     auto toggle = [this](QMenu* to, const QString& words, const QKeySequence& key, bool on, auto act) {
         auto* made = to->addAction(words);
         made->setShortcut(key);
+        made->setAutoRepeat(false);
         made->setCheckable(true);
         made->setChecked(on);
         made->setToolTip(
@@ -59,8 +61,8 @@ void console_window::make_menus() {
         auto* all = add(view, tr("&All boats"), QKeySequence("Shift+Home"), [this] { chart_->fit_fleet(); });
         all->setObjectName("all_boats");
     }
-    add(view, tr("Nearer"), QKeySequence("+"), [this] { chart_->zoom(1.5); });
-    add(view, tr("Farther"), QKeySequence("-"), [this] { chart_->zoom(1 / 1.5); });
+    add(view, tr("Nearer"), QKeySequence("+"), [this] { chart_->zoom(1.5); })->setAutoRepeat(true);
+    add(view, tr("Farther"), QKeySequence("-"), [this] { chart_->zoom(1 / 1.5); })->setAutoRepeat(true);
     auto* tail = view->addMenu(tr("&Track shown"));
     auto* lengths = new QActionGroup(this);
     for (auto [words, seconds] : {std::pair{tr("All"), 0.0},

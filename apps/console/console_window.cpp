@@ -146,7 +146,7 @@ void console_window::show_boat(std::size_t boat) {
     before->deleteLater(); // the switch may come from one of its widgets
     shown_ = boat;
     seen_ = fleet_.seen(boat);
-    actions_.choose_link({}); // a proxy of the other boat
+    actions_.begin_boat();
     make_middle();
     connect_middle();
     fit_instruments(height());

@@ -57,6 +57,27 @@ TEST_CASE("console windows: a mode lights up when the boat says so, not when it 
     CHECK_FALSE(automatic.isChecked());
 }
 
+TEST_CASE("console windows: a double click and a key that is held send a command once") {
+    desk it;
+    auto usual = QApplication::doubleClickInterval();
+    QApplication::setDoubleClickInterval(3'600'000);
+    it.find("do_tack").click();
+    it.find("do_tack").click();
+    CHECK(it.actions.size() == 1);
+    it.find("do_ping").click(); // another one goes at once
+    CHECK(it.actions.size() == 2);
+    QApplication::setDoubleClickInterval(0); // it is over
+    it.find("do_ping").click();
+    CHECK(it.actions.size() == 3);
+    QApplication::setDoubleClickInterval(usual);
+    for (auto* each : it.window->findChildren<QAction*>()) {
+        if (each->shortcut().isEmpty()) continue;
+        INFO(each->text().toStdString());
+        bool zooms = each->shortcut() == QKeySequence("+") || each->shortcut() == QKeySequence("-");
+        CHECK(each->autoRepeat() == zooms);
+    }
+}
+
 TEST_CASE("console windows: commands go over the link that was chosen") {
     desk it;
     auto& links = it.find<QComboBox>("link_choice");
