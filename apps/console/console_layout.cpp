@@ -66,7 +66,7 @@ QWidget* console_window::make_head() {
         label->setAlignment(Qt::AlignCenter);
     };
     widest(status_, tr("● no current data · 88 min"));
-    widest(mode_, tr("Heading · 88 min"));
+    widest(mode_, tr("Heading · 88 min ago"));
     clock_->setFixedWidth(QFontMetrics(clock_->font()).horizontalAdvance("88:88:88 UTC") + 6);
     command_ = new command_button(actions_, head);
     for (QWidget* each : std::initializer_list<QWidget*>{status_, mode_, command_, clock_}) row->addWidget(each);
@@ -85,18 +85,22 @@ void console_window::show_head(utc_time at) {
     bool known = boat.sailing.has_value();
     bool irons = known && boat.sailing->value.in_irons, fence = known && boat.sailing->value.at_fence;
     bool remote = known && boat.sailing->value.remote_control;
+    bool stale = freshness_of(boat.sailing, value_kind::sailing, boat, at) == freshness::stale;
     mode_->setText(mode_words(*seen_, at));
     mode_->setToolTip(!known             ? tr("The mode is not known yet")
                       : boat.on_beacon() ? tr("Nothing is heard from the main controller: see the alarms")
+                      : stale            ? tr("The last mode that the boat reported: nothing newer is known")
                       : remote ? tr("The remote control has rudder and sail: the boat refuses what steers it until it "
                                     "is released; then its mode is %1")
                                      .arg(text(label(boat.sailing->value.mode)))
                       : fence                                          ? tr("It turned back at its fence or the coast")
                       : boat.sailing->value.mode == sailing_mode::hold ? tr("It loiters when the time is over")
                                                                        : tr("The mode that the boat reports"));
-    set_sheet(mode_, irons             ? pill(t.bad, t.bad_back)
-                     : fence || remote ? pill(t.warn, t.warn_back)
-                                       : pill(t.accent, t.notice_back));
+    set_sheet(mode_, !known || boat.on_beacon() ? pill(t.ink3, t.field)
+                     : stale                    ? pill(t.warn, t.warn_back)
+                     : irons                    ? pill(t.bad, t.bad_back)
+                     : fence || remote          ? pill(t.warn, t.warn_back)
+                                                : pill(t.accent, t.notice_back));
     record_mark_->setVisible(recorder_.running());
     record_mark_->setText(tr("● REC %1").arg(recorder_.written()));
     set_sheet(record_mark_, pill(t.bad, t.bad_back));

@@ -68,7 +68,8 @@ helm_bar::helm_bar(operator_actions& actions, QWidget* parent) : QWidget(parent)
 
 void helm_bar::show_snapshot(const snapshot& seen, utc_time now) {
     const auto& sailing = seen.boat.sailing;
-    bool known = freshness_of(sailing, value_kind::sailing, seen.boat, now) != freshness::none;
+    auto how = freshness_of(sailing, value_kind::sailing, seen.boat, now);
+    bool known = (how == freshness::fresh || how == freshness::ageing) && !seen.boat.on_beacon();
     for (auto& [mode, button] : modes_) button->setChecked(known && sailing->value.mode == mode);
     for (const auto& link : seen.links) {
         if (!link.takes_commands || link.all_links) continue;

@@ -1,6 +1,8 @@
 // The windows of the console, driven as an operator does.
 #include "desk.hpp"
 
+#include <apps/console/theme.hpp>
+
 #include <QComboBox>
 #include <QStatusBar>
 
@@ -54,6 +56,35 @@ TEST_CASE("console windows: a mode lights up when the boat says so, not when it 
     it.hear(n);
     it.show();
     CHECK(hold.isChecked());
+    CHECK_FALSE(automatic.isChecked());
+}
+
+TEST_CASE("console windows: a mode that nothing newer confirms is shown with its age, and lights no button") {
+    desk it;
+    auto& automatic = it.find("mode_2");
+    auto& mode = it.find<QLabel>("mode");
+    CHECK(mode.text() == "Auto");
+    it.now += 20s; // ageing
+    it.show();
+    CHECK(automatic.isChecked());
+    it.now += 10min;
+    it.show();
+    CHECK_FALSE(automatic.isChecked());
+    CHECK(mode.text() == "Auto · 10 min ago");
+    CHECK(mode.styleSheet().contains(colours().warn.name()));
+    CHECK(QFontMetrics(mode.font()).horizontalAdvance("Heading · 10 min ago") <= mode.width());
+    it.picture("stale-mode");
+    navigation n;
+    n.mode = sailing_mode::automatic;
+    it.hear(n);
+    it.show();
+    CHECK(automatic.isChecked());
+    CHECK(mode.text() == "Auto");
+    talker second;
+    second.boot = beacon_boot;
+    it.state.on_telemetry(iridium_path, second.say(at(28.155, -15.452), it.now - 200ms, link_id::iridium), it.now);
+    it.show();
+    CHECK(mode.text() == "mode not known");
     CHECK_FALSE(automatic.isChecked());
 }
 

@@ -263,6 +263,7 @@ TEST_CASE("console windows: values that do not apply show a dash") {
     CHECK(it.find<value_tile>("sog").value() == "0.0");
     CHECK(it.find<QLabel>("mode").text() == "Heading · 15 min");
     it.now += 890s;
+    it.hear(n);
     it.show();
     CHECK(it.find<QLabel>("mode").text().startsWith("Heading · "));
     CHECK(it.find<QLabel>("mode").text().endsWith(" s"));
