@@ -81,7 +81,7 @@ void console_state::take(const telemetry_message& message, const telemetry_packe
         point.boot = packet.boot;
         track_.add(point);
     } else if (const auto* part = std::get_if<waypoints>(&message.body)) {
-        if (!packet.history) mission_.take(packet.boot, *part, now);
+        if (!packet.history) mission_.take(packet.boot, *part, plausible_time(packet), now);
     } else if (const auto* c = std::get_if<configuration>(&message.body)) {
         if (newest) parameters_.on_settings(*c, now);
     }
