@@ -48,9 +48,10 @@ bool boat_record::take(const notice& result, const telemetry_packet& packet, utc
 }
 
 std::optional<std::uint16_t> boat_record::on_boot(const telemetry_packet& packet) {
-    if (packet.history || packet.boot == beacon_boot || boot_ == packet.boot || packet.measured_at < boot_measured_)
+    auto measured = plausible_time(packet); // one from the future would hide all later starts
+    if (packet.history || packet.boot == beacon_boot || boot_ == packet.boot || measured < boot_measured_)
         return std::nullopt;
-    boot_measured_ = packet.measured_at;
+    boot_measured_ = measured;
     return std::exchange(boot_, packet.boot);
 }
 

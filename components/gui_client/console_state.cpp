@@ -38,7 +38,7 @@ void console_state::on_telemetry(const std::string& path, const telemetry_packet
     if (!link->all_links) count(*link, packet, first, now);
     // A packet of the nodes' record counts from when it came to the shore, not from when this console asked for it.
     bool kept = link->all_links && now - packet.received_at > just_now;
-    if (first) take(*message, packet, kept ? packet.received_at : now);
+    if (first) take(*message, packet, kept ? packet.received_at : now, kept);
 }
 
 void console_state::count_recorded(link_view& role, const telemetry_packet& packet, utc_time now) {
@@ -64,9 +64,9 @@ void console_state::count(link_view& link, const telemetry_packet& packet, bool 
     if (!first) ++link.duplicates;
 }
 
-void console_state::take(const telemetry_message& message, const telemetry_packet& packet, utc_time now) {
+void console_state::take(const telemetry_message& message, const telemetry_packet& packet, utc_time now, bool kept) {
     auto boot_before = boat_.on_boot(packet);
-    if (boot_before && now != packet.received_at) // else it is old, and comes from the record
+    if (boot_before && !kept)
         alarms_.tell("boot", severity::warning,
                      fmt::format("The boat has started again (boot {}, before {})", packet.boot, *boot_before), now);
     bool newest = boat_.on_message(message, packet, now);

@@ -91,7 +91,8 @@ private:
     link_view* link_at(const std::string& path);
     void count(link_view& link, const telemetry_packet& packet, bool first, utc_time now);
     void count_recorded(link_view& role, const telemetry_packet& packet, utc_time now);
-    void take(const telemetry_message& message, const telemetry_packet& packet, utc_time now);
+    /// `kept`: it is old, and comes from the nodes' record.
+    void take(const telemetry_message& message, const telemetry_packet& packet, utc_time now, bool kept);
     void watch_requests(utc_time now);
     bool has_gone(const std::string& console) const;
 

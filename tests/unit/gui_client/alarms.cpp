@@ -101,6 +101,20 @@ TEST_CASE("console: in irons, off track, faults and a new boot call the operator
     CHECK(find(alarms, "boot"));
 }
 
+TEST_CASE("console: a new boot is told also if its packet comes at once, or the one before was from the future") {
+    console_state state;
+    talker boat;
+    auto early = boat.say(at(28.1, -15.4), t0);
+    early.measured_at = t0 + 24h; // the boat's clock was wrong
+    state.on_telemetry(xbee_path, early, t0 + 1s);
+    boat.boot = 8;
+    auto packet = boat.say(at(28.1, -15.4), t0 + 60s);
+    state.on_telemetry(xbee_path, packet, packet.received_at);
+    auto alarms = state.view(t0 + 61s)->alarms;
+    REQUIRE(find(alarms, "boot"));
+    CHECK(find(alarms, "boot")->text.find("boot 8, before 7") != std::string::npos);
+}
+
 TEST_CASE("console: a late packet of the life before is no new boot") {
     console_state state;
     talker before, now;
