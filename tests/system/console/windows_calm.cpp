@@ -333,6 +333,39 @@ TEST_CASE("console windows: an alarm is played by a program, again as it calls, 
     CHECK(alarm_wave(severity::critical).size() > alarm_wave(severity::warning).size());
 }
 
+TEST_CASE("console windows: a player that hangs silences no alarm, and a graver alarm replaces the sound of another") {
+    QTemporaryDir folder;
+    auto played = folder.filePath("played"), player = folder.filePath("player");
+    QFile script(player);
+    REQUIRE(script.open(QIODevice::WriteOnly));
+    script.write("#!/bin/sh\nbasename \"$1\" >>\"" + played.toUtf8() + "\"\nexec sleep 600\n");
+    script.close();
+    script.setPermissions(QFile::ReadOwner | QFile::WriteOwner | QFile::ExeOwner);
+    auto content = [&] {
+        QFile file(played);
+        return file.open(QIODevice::ReadOnly) ? file.readAll() : QByteArray();
+    };
+    alarm_sound sound(player, nullptr, 1h);
+    sound.play(severity::warning);
+    wait_for([&] { return !content().isEmpty(); });
+    sound.play(severity::notice);
+    sound.play(severity::warning);
+    CHECK(content() == "alarm-1.wav\n");
+    sound.play(severity::critical);
+    wait_for([&] { return content().contains("alarm-2"); });
+    CHECK(content() == "alarm-1.wav\nalarm-2.wav\n");
+    CHECK(sound.playing());
+    QString said;
+    alarm_sound hangs(player, nullptr, 1ms);
+    QObject::connect(&hangs, &alarm_sound::failed, [&](const QString& why) { said = why; });
+    hangs.play(severity::critical);
+    wait_for([&] { return !said.isEmpty(); });
+    CHECK(said.contains("does not end"));
+    CHECK_FALSE(hangs.playing());
+    hangs.play(severity::notice); // the next alarm is tried again
+    CHECK(hangs.playing());
+}
+
 TEST_CASE("console windows: a route goes out as GPX and comes back, and what is none is refused with its line") {
     auto text_of = [](const std::string& gpx) { return QByteArray::fromStdString(gpx); };
     std::vector<waypoint> points{{28.153, -15.448}, {-33.5, 151.25}, {0, 180}};
