@@ -132,6 +132,7 @@ void console_state::on_present(std::vector<present_component> all) {
 bool console_state::on_time(utc_time now) {
     apply_alarm_rules(alarms_, alarm_causes{options_.limits, finding_, boat_.view(), links_, nodes_}, now);
     course_.apply(alarms_, boat_.view(), mission_.view(), now);
+    watch_authority(now);
     watch_requests(now);
     auto alarms = alarms_.list();
     const auto* calls = bell_.update(alarms, now);

@@ -13,6 +13,7 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 
 namespace atirma::console {
 
@@ -93,6 +94,8 @@ private:
     void count_recorded(link_view& role, const telemetry_packet& packet, utc_time now);
     /// `kept`: it is old, and comes from the nodes' record.
     void take(const telemetry_message& message, const telemetry_packet& packet, utc_time now, bool kept);
+    void take_authority(const authority_state& result, utc_time now);
+    void watch_authority(utc_time now);
     void watch_requests(utc_time now);
     bool has_gone(const std::string& console) const;
 
@@ -105,6 +108,12 @@ private:
     std::map<std::string, link_view> links_;
     std::map<std::string, node_view> nodes_;
     authority_view authority_;
+    /// One with an epoch below the known one, and since when only such ones come.
+    struct lower_authority {
+        authority_state state;
+        utc_time since{};
+    };
+    std::optional<lower_authority> lower_;
     std::map<std::string, duplicate_filter> heard_over_; ///< by path: a packet is counted once on each link
     duplicate_filter seen_;
     alarm_book alarms_;

@@ -293,9 +293,20 @@ TEST_CASE("console windows: the holder of the authority is shown, and a command 
     it.find("do_tack").click();
     CHECK(it.last<give_command>()->authority == taking::no);
     it.picture("you-command");
+    in_command(it, "atirma/console/anna");
     it.window->show_tab("who");
     it.show();
     CHECK(it.find<QTableWidget>("present_table").item(1, 0)->text().contains("authority"));
+
+    it.state.on_node("atirma/shore/one", true, "", nullptr, it.now);
+    it.show();
+    CHECK(button.text() == "you have authority");
+    it.state.on_node("atirma/shore/one", false, "it is not reached", nullptr, it.now);
+    it.show();
+    CHECK(button.toolTip().contains("authority not known"));
+    CHECK(button.toolTip().contains("the last holder that one reported: anna"));
+    CHECK(button.styleSheet().contains(colours().warn.name()));
+    it.state.on_node("atirma/shore/one", true, "", nullptr, it.now);
 
     in_command(it, "atirma/console/ben");
     CHECK(it.find<QLabel>("alarm_text").text().contains("lost the authority")); // taken by somebody else

@@ -335,6 +335,30 @@ TEST_CASE("authority: the request of a console that has gone goes, one of an ope
     CHECK(state.view(t0 + 3s)->authority.state.asked_by.size() == 1);
 }
 
+TEST_CASE("authority: a lower epoch is a node that lags, or after 30 s nodes that have begun anew") {
+    console_state state;
+    state.set_self("atirma/console/anna");
+    authority_state result, lower;
+    result.epoch = 9;
+    result.holder = "atirma/console/anna";
+    lower.epoch = 2;
+    lower.holder = "atirma/console/ben";
+    state.on_authority(result, t0);
+    state.on_authority(lower, t0 + 1h); // the other node lags
+    state.on_time(t0 + 1h + 29s);
+    CHECK(state.authority().mine());
+    state.on_authority(result, t0 + 1h + 29s);
+    state.on_time(t0 + 1h + 40s);
+    CHECK(state.authority().mine());
+    CHECK_FALSE(find(state.view(t0 + 1h + 40s)->alarms, "authority:lost"));
+    state.on_authority(lower, t0 + 2h);
+    state.on_authority(lower, t0 + 2h + 20s);
+    state.on_time(t0 + 2h + 31s);
+    CHECK_FALSE(state.authority().mine());
+    CHECK(state.authority().state.epoch == 2);
+    CHECK(find(state.view(t0 + 2h + 31s)->alarms, "authority:lost"));
+}
+
 TEST_CASE("console: the time in a mode is counted from its first report") {
     console_state state;
     talker boat;
