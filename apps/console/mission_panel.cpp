@@ -58,7 +58,8 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     upload_->setProperty("role", "primary");
     read_ = button("read_back", tr("Read back"), tr("Requests the boat's list (Ctrl+B)"));
     take_over_ = button("take_over", tr("As on boat"), tr("Discards the edits"));
-    go_ = button("go", tr("Sail to"), tr("The boat sails to the selected waypoint of its own list"));
+    go_ =
+        button("go", tr("Sail to"), tr("The boat sails to the selected waypoint, where its own list has the same one"));
     cancel_ = button("cancel_upload", tr("Stop"), tr("Stops the upload after the telecommand in transit"));
     rows->addWidget(new_, 0, 0);
     rows->addWidget(edit_, 0, 1);
@@ -221,7 +222,11 @@ void mission_panel::fill_state() {
     read_->setEnabled(allowed_);
     cancel_->setEnabled(allowed_);
     take_over_->setEnabled(known && draft_.edited());
-    go_->setEnabled(allowed_ && known && chosen >= 0 && chosen < static_cast<int>(seen_->mission.points.size()));
+    // The command has the place in the boat's list: it must be the same waypoint there.
+    auto both = known ? compare(seen_->mission.points, draft_.points()) : std::vector<mission_difference>();
+    bool there = chosen >= 0 && static_cast<std::size_t>(chosen) < both.size() &&
+                 both[static_cast<std::size_t>(chosen)].what == difference::same;
+    go_->setEnabled(allowed_ && there);
     auto phase = seen_ ? seen_->upload.phase : upload_phase::none;
     cancel_->setVisible(runs);
     progress_->setVisible(runs);

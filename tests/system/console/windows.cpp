@@ -188,6 +188,23 @@ TEST_CASE("console windows: waypoints are edited by mouse, taken back, and uploa
     CHECK_FALSE(draft.edited());
 }
 
+TEST_CASE("console windows: \"Sail to\" is offered where the boat's list has the same waypoint") {
+    desk it;
+    auto& draft = it.window->draft();
+    draft.select(2);
+    CHECK(it.find("go").isEnabled());
+    draft.insert(1, {28.1570, -15.4500}); // then the third here is the second there
+    draft.select(2);
+    CHECK_FALSE(it.find("go").isEnabled());
+    draft.select(3);
+    CHECK_FALSE(it.find("go").isEnabled());
+    draft.select(0);
+    REQUIRE(it.find("go").isEnabled());
+    it.find("go").click();
+    REQUIRE(it.last<give_command>());
+    CHECK(it.last<give_command>()->command == boat_command(commands::waypoint_select{0}));
+}
+
 TEST_CASE("console windows: a waypoint is moved in the table, and nonsense is not taken") {
     desk it;
     auto& table = it.find<QTableWidget>("mission_table");
