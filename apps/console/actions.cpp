@@ -139,6 +139,7 @@ bool operator_actions::upload(std::vector<waypoint> points, const std::vector<wa
         tr("This replaces the boat's present list of %1, which the boat keeps until the whole new one has arrived.")
             .arg(on_boat.size());
     auto trouble = trouble_of(points);
+    held = held && !points.empty(); // to clear the boat's list always takes the question
     if (trouble.empty() ? !held && !confirmed(what, why) : !overridden(tr("the new list of waypoints"), trouble))
         return false;
     auto take = authority_for(tr("the new list of waypoints"));

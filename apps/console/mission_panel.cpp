@@ -218,7 +218,8 @@ void mission_panel::fill_state() {
     up_->setEnabled(chosen > 0);
     down_->setEnabled(chosen >= 0 && chosen + 1 < many);
     undo_->setEnabled(draft_.can_undo());
-    upload_->setEnabled(allowed_ && !runs);
+    bool nothing = draft_.points().empty() && !draft_.edited() && !known; // nobody has said that the list is empty
+    upload_->setEnabled(allowed_ && !runs && !nothing);
     read_->setEnabled(allowed_);
     cancel_->setEnabled(allowed_);
     take_over_->setEnabled(known && draft_.edited());

@@ -205,6 +205,27 @@ TEST_CASE("console windows: \"Sail to\" is offered where the boat's list has the
     CHECK(it.last<give_command>()->command == boat_command(commands::waypoint_select{0}));
 }
 
+TEST_CASE("console windows: an empty list clears the boat's only after the question") {
+    desk none(false);
+    CHECK_FALSE(none.find("upload").isEnabled()); // no list is known, and none was made
+    desk it;
+    it.window->draft().clear();
+    auto& upload = it.find("upload");
+    REQUIRE(upload.isEnabled());
+    it.answer_next("");
+    Q_EMIT upload.clicked(); // as after a second
+    CHECK(it.asked.contains("Clear the boat's list"));
+    CHECK(it.actions.empty());
+    it.answer_next("Hold to send");
+    Q_EMIT upload.clicked();
+    REQUIRE(it.last<upload_mission>());
+    CHECK(it.last<upload_mission>()->points.empty());
+    it.window->draft().insert(0, course[0]);
+    it.actions.clear();
+    Q_EMIT upload.clicked(); // holding is the confirmation
+    REQUIRE(it.last<upload_mission>());
+}
+
 TEST_CASE("console windows: a waypoint is moved in the table, and nonsense is not taken") {
     desk it;
     auto& table = it.find<QTableWidget>("mission_table");
