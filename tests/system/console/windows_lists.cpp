@@ -375,6 +375,8 @@ TEST_CASE("console windows: nothing that boat, proxies, nodes or operators say i
     it.hear(notice{evil.substr(0, notice::max_text)});
     xbee_local modem;
     modem.trouble = evil;
+    modem.seal.sealed = true;
+    modem.seal.key = evil + "%2";
     it.state.on_xbee(xbee_path, modem, it.now);
     gprs_state carrier;
     carrier.from = "tcp://" + evil;
