@@ -27,6 +27,7 @@
 #include <QToolButton>
 
 #include <algorithm>
+#include <utility>
 
 // The parts of the window: head, alarm strip, side, the chart's tools.
 namespace atirma::console {
@@ -39,6 +40,9 @@ QString pill(const QColor& ink, const QColor& back) {
 }
 
 constexpr int strip_height = 34;
+
+/// So long an alarm was in sight before a click is meant for it.
+constexpr auto shown_before_click = std::chrono::milliseconds(500);
 
 /// Only a new one: Qt lays the widget out again for each.
 void set_sheet(QWidget* of, const QString& sheet) {
@@ -150,15 +154,22 @@ QWidget* console_window::make_alarm_strip() {
     }
     acknowledge->setObjectName("acknowledge_first");
     acknowledge->setToolTip(tr("Acknowledges this alarm; it stays in the list until its cause is gone"));
-    connect(acknowledge, &QPushButton::clicked, this, [this] {
-        auto open = fleet_.open_alarms(shown_);
-        if (open.empty()) return;
-        if (!act_(open.front().boat, acknowledge_alarm{open.front().alarm.key})) say(tr("The console is busy: again"));
+    connect(acknowledge, &QPushButton::pressed, this, [this] {
+        bool read = std::chrono::abs(now() - in_strip_since_) >= shown_before_click;
+        pressed_ = read ? in_strip_ : std::nullopt;
     });
+    connect(acknowledge, &QPushButton::clicked, this, &console_window::acknowledge_first);
     row->addWidget(strip_text_, 1);
     row->addWidget(more);
     row->addWidget(acknowledge);
     return strip_;
+}
+
+/// The alarm that was read when the button was pressed: another one may have come since.
+void console_window::acknowledge_first() {
+    auto read = std::exchange(pressed_, std::nullopt);
+    if (!read) return say(tr("Not acknowledged: this alarm has just come"));
+    if (!act_(read->boat, acknowledge_alarm{read->key})) say(tr("The console is busy: try again"));
 }
 
 void console_window::show_alarm_strip() {
@@ -169,6 +180,15 @@ void console_window::show_alarm_strip() {
     auto open_here = count_open(*seen_).count;
     auto ended = fleet_.first_ended(shown_);
     bool shows_end = ended && (open == 0 || *ended == shown_);
+    std::optional<strip_alarm> first_open;
+    if (open > 0 && !shows_end) {
+        const auto& [boat, first] = open_alarms.front();
+        first_open = strip_alarm{boat, first.key, first.how, first.raised_at};
+    }
+    if (in_strip_ != first_open) {
+        in_strip_ = std::move(first_open);
+        in_strip_since_ = now();
+    }
     strip_more_->setVisible(open > 0 || (ended && *ended != shown_));
     strip_acknowledge_->setVisible(open > 0 && !shows_end);
     auto place = tabs_->indexOf(alarms_);
@@ -233,7 +253,7 @@ QWidget* console_window::make_side() {
     links_ = new links_panel(actions_, tabs_);
     boat_ = new boat_panel(actions_, tabs_);
     log_ = new command_list([this](std::uint32_t id) { actions_.act(call_back_command{id}); }, tabs_);
-    alarms_ = new alarm_list([this](const std::string& key) { actions_.act(acknowledge_alarm{key}); }, tabs_);
+    alarms_ = new alarm_list([this](const std::string& key) { return actions_.act(acknowledge_alarm{key}); }, tabs_);
     packets_ = new packet_list(tabs_);
     present_ = new present_list(tabs_);
     const std::tuple<QWidget*, const char*, QString, QString> all[] = {

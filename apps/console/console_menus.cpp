@@ -1,6 +1,7 @@
 #include "console_window.hpp"
 
 #include "chart_view.hpp"
+#include "lists.hpp"
 #include "mission_panel.hpp"
 #include "telecommand_dialog.hpp"
 #include "theme.hpp"
@@ -145,7 +146,7 @@ void console_window::make_menus() {
     add(mission, tr("E&xport route (GPX)…"), QKeySequence("Ctrl+Shift+S"), [this] { export_route(); });
 
     auto* help = menuBar()->addMenu(tr("&Alarms"));
-    add(help, tr("Acknowledge &all alarms"), QKeySequence("Ctrl+K"), [this] { actions_.act(acknowledge_alarm()); });
+    add(help, tr("Acknowledge &all alarms"), QKeySequence("Ctrl+K"), [this] { alarms_->acknowledge_all(); });
     add(help, tr("Alarm &limits…"), QKeySequence("Ctrl+L"), [this] { edit_limits(); });
     add(help, tr("&Keys and mouse"), QKeySequence("Shift+F1"), [this] { show_keys(); });
 }

@@ -123,6 +123,7 @@ private:
     void refresh();
     void show_head(utc_time now);
     void show_alarm_strip();
+    void acknowledge_first();
     void show_ended();
     void ring();
     void write_alarm_log();
@@ -166,6 +167,16 @@ private:
     fleet_list* boats_ = nullptr;       ///< null: there is one boat
     choice_box* boat_choice_ = nullptr; ///< likewise
     QTabWidget* tabs_;
+    /// The alarm in the strip.
+    struct strip_alarm {
+        std::size_t boat = 0;
+        std::string key;
+        severity how = severity::notice;
+        utc_time raised_at{};
+        bool operator==(const strip_alarm&) const = default;
+    };
+    std::optional<strip_alarm> in_strip_, pressed_;
+    utc_time in_strip_since_{};
     QFrame* strip_;
     QLabel *strip_text_, *status_, *mode_, *record_mark_, *clock_;
     QPushButton *strip_more_, *strip_acknowledge_;

@@ -15,6 +15,7 @@
 #include <QTableWidget>
 #include <QVBoxLayout>
 
+#include <algorithm>
 #include <utility>
 
 namespace atirma::console {
@@ -187,7 +188,7 @@ void present_list::show_snapshot(const snapshot& seen, utc_time now) {
     }
 }
 
-alarm_list::alarm_list(std::function<void(const std::string&)> acknowledge, QWidget* parent)
+alarm_list::alarm_list(std::function<bool(const std::string&)> acknowledge, QWidget* parent)
     : QWidget(parent), acknowledge_(std::move(acknowledge)) {
     auto* column = column_of(this);
     empty_ = new QLabel(tr("No alarms"), this);
@@ -235,12 +236,22 @@ alarm_list::alarm_list(std::function<void(const std::string&)> acknowledge, QWid
     line->addWidget(one);
     line->addWidget(all);
     column->addLayout(line);
+    connect(one, &QPushButton::pressed, this, [this] { pressed_ = chosen(); });
     connect(one, &QPushButton::clicked, this, [this] {
-        auto row = table_->currentRow();
-        if (row >= 0 && static_cast<std::size_t>(row) < keys_.size())
-            acknowledge_(keys_[static_cast<std::size_t>(row)]);
+        if (auto key = std::exchange(pressed_, {}); !key.empty()) acknowledge_(key);
     });
-    connect(all, &QPushButton::clicked, this, [this] { acknowledge_({}); });
+    connect(all, &QPushButton::clicked, this, &alarm_list::acknowledge_all);
+}
+
+std::string alarm_list::chosen() const {
+    auto row = table_->currentRow();
+    return row >= 0 && static_cast<std::size_t>(row) < keys_.size() ? keys_[static_cast<std::size_t>(row)]
+                                                                    : std::string();
+}
+
+void alarm_list::acknowledge_all() {
+    for (const auto& key : std::vector(open_))
+        if (!acknowledge_(key)) return;
 }
 
 void alarm_list::show_snapshot(const snapshot& seen, utc_time) {
@@ -249,10 +260,11 @@ void alarm_list::show_snapshot(const snapshot& seen, utc_time) {
     table_->setVisible(any && !log_button_->isChecked());
     empty_->setVisible(!any && !log_button_->isChecked());
     show_log(seen);
-    std::string chosen;
-    if (auto row = table_->currentRow(); row >= 0 && static_cast<std::size_t>(row) < keys_.size())
-        chosen = keys_[static_cast<std::size_t>(row)];
+    auto before = chosen();
+    bool still_there = std::ranges::any_of(seen.alarms, [&](const auto& one) { return one.key == before; });
+    if (!still_there) table_->setCurrentCell(-1, -1); // else another alarm would take its place
     keys_.clear();
+    open_.clear();
     table_->setRowCount(static_cast<int>(seen.alarms.size()));
     int row = 0;
     for (const auto& one : seen.alarms) {
@@ -264,8 +276,9 @@ void alarm_list::show_snapshot(const snapshot& seen, utc_time) {
                  : one.acknowledged ? tr("acknowledged")
                                     : tr("● now"),
                  one.over_at ? t.good : ink);
-        if (one.key == chosen) table_->setCurrentCell(row, 1);
+        if (one.key == before) table_->setCurrentCell(row, 1);
         keys_.push_back(one.key);
+        if (!one.acknowledged) open_.push_back(one.key);
         ++row;
     }
     if (table_->isVisible()) table_->resizeRowsToContents(); // shows the full text of an alarm

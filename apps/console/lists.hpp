@@ -71,7 +71,10 @@ private:
 class alarm_list : public QWidget {
     Q_OBJECT
 public:
-    explicit alarm_list(std::function<void(const std::string& key)> acknowledge, QWidget* parent = nullptr);
+    /// `acknowledge` returns false if that is not possible now.
+    explicit alarm_list(std::function<bool(const std::string& key)> acknowledge, QWidget* parent = nullptr);
+    /// Those that are shown: one that comes meanwhile has not been read.
+    void acknowledge_all();
     void show_snapshot(const snapshot& seen, utc_time now);
 
 private:
@@ -83,8 +86,12 @@ private:
     std::shared_ptr<const std::vector<alarm_event>> logged_;
     bool log_measured_ = false; ///< its rows have their heights
     QLabel* empty_;
-    std::function<void(const std::string&)> acknowledge_;
-    std::vector<std::string> keys_;
+    std::string chosen() const;
+
+    std::function<bool(const std::string&)> acknowledge_;
+    std::vector<std::string> keys_; ///< of the rows
+    std::vector<std::string> open_; ///< of those that are not acknowledged
+    std::string pressed_;           ///< the chosen one when the button was pressed
 };
 
 } // namespace atirma::console

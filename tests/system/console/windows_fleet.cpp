@@ -187,6 +187,7 @@ TEST_CASE("console fleet: an alarm of a boat that is not shown is told with its 
     while (!QFile::exists(folder.filePath("played")) && since.elapsed() < 60'000)
         QApplication::processEvents(QEventLoop::AllEvents, 20);
     CHECK(QFile::exists(folder.filePath("played")));
+    it.now += 1s;
     it.find("acknowledge_first").click();
     REQUIRE(it.last<acknowledge_alarm>());
     CHECK(it.last<acknowledge_alarm>()->key == "battery");

@@ -41,6 +41,7 @@ TEST_CASE("console windows: an alarm is shown until it is acknowledged") {
     it.show();
     it.picture("alarms");
     CHECK(it.find<QTableWidget>("alarm_table").rowCount() == 2);
+    it.now += 1s;
     it.find("acknowledge_first").click();
     REQUIRE(it.last<acknowledge_alarm>());
     CHECK(it.last<acknowledge_alarm>()->key == "irons");
@@ -48,12 +49,56 @@ TEST_CASE("console windows: an alarm is shown until it is acknowledged") {
     it.show();
     CHECK(it.find<QLabel>("alarm_text").text().contains("battery"));
     it.find("acknowledge_all").click();
-    CHECK(it.last<acknowledge_alarm>()->key.empty());
-    it.state.acknowledge("");
+    CHECK(it.last<acknowledge_alarm>()->key == "battery");
+    it.state.acknowledge("battery");
     it.show();
     CHECK(it.find<QLabel>("alarm_text").text() == "Acknowledged alarms: 2 (F5)");
     CHECK_FALSE(it.find("acknowledge_first").isVisible());
     CHECK(it.find<QTableWidget>("alarm_table").item(0, 2)->text() == "acknowledged");
+}
+
+TEST_CASE("console windows: an alarm that comes while the button is pressed is not acknowledged unread") {
+    desk it;
+    power p;
+    p.battery_percent = 14;
+    it.hear(p);
+    it.show();
+    auto& button = it.find("acknowledge_first");
+    button.click(); // it has just come
+    CHECK(it.actions.empty());
+    CHECK(it.window->statusBar()->currentMessage().contains("has just come"));
+    it.now += 1s;
+    it.show();
+    Q_EMIT button.pressed();
+    navigation n;
+    n.in_irons = true;
+    it.hear(n);
+    it.show();
+    CHECK(it.find<QLabel>("alarm_text").text().contains("In irons"));
+    Q_EMIT button.clicked();
+    REQUIRE(it.actions.size() == 1);
+    CHECK(it.last<acknowledge_alarm>()->key == "battery");
+    it.find("acknowledge_all").click(); // one action for each that is shown
+    REQUIRE(it.actions.size() == 3);
+    CHECK(it.last<acknowledge_alarm>()->key == "battery");
+    it.actions.clear();
+    // The chosen row goes: no other alarm takes its place.
+    it.window->show_tab("alarms");
+    auto& table = it.find<QTableWidget>("alarm_table");
+    REQUIRE(table.item(0, 1)->text().contains("In irons"));
+    table.setCurrentCell(0, 0);
+    n.in_irons = false;
+    it.now += 2s;
+    it.state.acknowledge("irons");
+    it.hear(n);
+    it.show();
+    REQUIRE(table.rowCount() == 1);
+    it.find("acknowledge_one").click();
+    CHECK(it.actions.empty());
+    table.setCurrentCell(0, 0);
+    it.find("acknowledge_one").click();
+    REQUIRE(it.last<acknowledge_alarm>());
+    CHECK(it.last<acknowledge_alarm>()->key == "battery");
 }
 
 TEST_CASE("console windows: the remote control is in the head, among the alarms, and in a refused command's words") {
