@@ -50,7 +50,8 @@ QString mode_words(const snapshot& seen, utc_time at) {
     auto words = text(label(n.mode));
     if (n.in_irons) return words + QObject::tr(" · in irons");
     if (n.at_fence) return words + QObject::tr(" · fence");
-    if (n.mode != sailing_mode::hold || !boat.mode_since) return words;
+    bool ends = n.mode == sailing_mode::hold || n.mode == sailing_mode::manual;
+    if (!ends || !boat.mode_since) return words;
     double limit_s = 0;
     if (const auto* info = find_parameter(parameter_id::heading_time_limit))
         limit_s = static_cast<double>(info->initial);

@@ -97,9 +97,11 @@ void console_window::show_head(utc_time at) {
                       : remote ? tr("The remote control has rudder and sail: the boat refuses what steers it until it "
                                     "is released; then its mode is %1")
                                      .arg(text(label(boat.sailing->value.mode)))
-                      : fence                                          ? tr("It turned back at its fence or the coast")
-                      : boat.sailing->value.mode == sailing_mode::hold ? tr("It loiters when the time is over")
-                                                                       : tr("The mode that the boat reports"));
+                      : fence ? tr("It turned back at its fence or the coast")
+                      : boat.sailing->value.mode == sailing_mode::hold ||
+                              boat.sailing->value.mode == sailing_mode::manual
+                          ? tr("It loiters when the time is over")
+                          : tr("The mode that the boat reports"));
     set_sheet(mode_, !known || boat.on_beacon() ? pill(t.ink3, t.field)
                      : stale                    ? pill(t.warn, t.warn_back)
                      : irons                    ? pill(t.bad, t.bad_back)

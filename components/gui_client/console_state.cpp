@@ -96,6 +96,8 @@ void console_state::on_status(const std::string& path, const telecommand_status&
     const auto& entry = commands_.on_status(path, status, now);
     if (!link->all_links && status.link == link_id::iridium && entry.attempts > attempts)
         link->credits += entry.attempts - attempts; // a telecommand is shorter than a credit's bytes
+    if (status.kind == command_kind::set_mode && entry.phase == command_phase::done && entry.executed_at)
+        on_mode_set(std::min(now, *entry.executed_at));
     if (is_over(entry.phase)) parameters_.on_settled(entry.id, entry.phase, entry.value, entry.text, now);
 }
 

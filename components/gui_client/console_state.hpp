@@ -59,6 +59,8 @@ public:
     void asked(std::uint32_t id, const std::string& path, const boat_command& command, utc_time now,
                std::optional<utc_time> valid_until = std::nullopt);
     void on_executed(std::uint32_t id, utc_time at) { commands_.on_executed(id, at); }
+    /// The boat has executed a set_mode.
+    void on_mode_set(utc_time at) { boat_.on_mode_set(at); }
     void on_called_back(std::uint32_t id, std::string text) { commands_.on_called_back(id, std::move(text)); }
     void on_outcome(std::uint32_t id, command_phase phase, std::optional<float> value, std::string text, utc_time now);
     /// A change of the authority was requested, or is decided; `problem`: why it was refused.
