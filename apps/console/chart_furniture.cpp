@@ -121,9 +121,9 @@ void paint_pointer(QPainter& to, const chart_projection& projection, const chart
         auto place = projection.to_place(*pointer);
         words = place_text(place);
         if (at)
-            words += QStringLiteral("   ·   %1  %2 %3°")
-                         .arg(QObject::tr("from the boat"), distance_text(distance_m(*at, place)))
-                         .arg(bearing_deg(*at, place), 3, 'f', 0, QLatin1Char('0'));
+            words += QStringLiteral("   ·   %1  %2 %3")
+                         .arg(QObject::tr("from the boat"), distance_text(distance_m(*at, place)),
+                              bearing_text(bearing_deg(*at, place)));
     } else if (at) {
         words = place_text(*at);
     } else {

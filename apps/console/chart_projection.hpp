@@ -23,7 +23,7 @@ public:
 
     QPointF to_pixels(const waypoint& at) const {
         double scale = pixels_per_degree();
-        return {size.width() / 2 + (at.longitude_deg - centre.longitude_deg) * scale,
+        return {size.width() / 2 + std::remainder(at.longitude_deg - centre.longitude_deg, 360) * scale,
                 size.height() / 2 - (stretched(at.latitude_deg) - stretched(centre.latitude_deg)) * scale};
     }
     waypoint to_place(QPointF at) const {
@@ -54,7 +54,7 @@ private:
         return (2 * std::atan(std::exp(y * radians)) - std::numbers::pi / 2) / radians;
     }
     static waypoint bounded(waypoint at) {
-        return {std::clamp(at.latitude_deg, -85.0, 85.0), std::clamp(at.longitude_deg, -180.0, 180.0)};
+        return {std::clamp(at.latitude_deg, -85.0, 85.0), std::remainder(at.longitude_deg, 360)};
     }
 };
 

@@ -374,7 +374,7 @@ QString console_window::import_route(const QString& path) {
     QFile file(path);
     if (!file.open(QIODevice::ReadOnly)) return tr("cannot read %1: %2").arg(path, file.errorString());
     constexpr qint64 most = 4 << 20;
-    if (file.size() > most) return tr("%1 has more than 4 MiB: it is no route").arg(path);
+    if (file.size() > most) return tr("%1 has more than 4 MiB: it is not a route").arg(path);
     auto route = route_from_gpx(file.readAll());
     if (!route.trouble.isEmpty()) return tr("%1 was not imported: %2").arg(path, route.trouble);
     draft().replace(std::move(route.points));

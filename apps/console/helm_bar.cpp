@@ -81,11 +81,10 @@ void helm_bar::show_snapshot(const snapshot& seen, utc_time now) {
     for (const auto& one : *seen.commands)
         if (one.own) last = &one;
     if (!last) return last_->setText(QString());
-    const auto& t = colours();
-    auto colour = last->phase == command_phase::done ? t.good : is_over(last->phase) ? t.bad : t.warn;
     auto words = text(last->what) + ": " + phase_text(*last, now);
     auto shown = QFontMetrics(last_->font()).elidedText(words, Qt::ElideRight, std::max(40, last_->width() - 16));
-    last_->setText(QStringLiteral("<span style='color:%1'>●</span> %2").arg(colour.name(), shown.toHtmlEscaped()));
+    last_->setText(
+        QStringLiteral("<span style='color:%1'>●</span> %2").arg(colour_of(last->phase).name(), shown.toHtmlEscaped()));
     last_->setToolTip(words + (last->text.empty() ? QString() : "\n" + text(last->text)));
 }
 

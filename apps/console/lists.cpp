@@ -21,12 +21,6 @@
 namespace atirma::console {
 namespace {
 
-QColor colour_of(command_phase phase) {
-    const auto& t = colours();
-    if (phase == command_phase::done) return t.good;
-    return is_over(phase) ? t.bad : t.warn;
-}
-
 // The lines below the name of a telecommand.
 QString details_of(const command_entry& of) {
     QStringList all;
@@ -37,6 +31,12 @@ QString details_of(const command_entry& of) {
 }
 
 } // namespace
+
+const QColor& colour_of(command_phase phase) {
+    const auto& t = colours();
+    if (phase == command_phase::done) return t.good;
+    return is_over(phase) ? t.bad : t.warn;
+}
 
 QString phase_text(const command_entry& of, utc_time now) {
     auto words = text(std::string(name_of(of.phase)));

@@ -1,6 +1,7 @@
 #pragma once
 #include <components/gui_client/view.hpp>
 
+#include <QColor>
 #include <QWidget>
 
 #include <functional>
@@ -35,6 +36,7 @@ private:
     utc_time shown_at_{};
 };
 
+const QColor& colour_of(command_phase phase);
 /// "queued, 42 s left".
 QString phase_text(const command_entry& of, utc_time now);
 

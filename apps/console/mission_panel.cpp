@@ -162,9 +162,8 @@ void mission_panel::fill() {
         int row = static_cast<int>(i);
         bool here = i < points.size();
         const auto& at = here ? points[i] : boat[i];
-        auto leg = here && i > 0 ? QStringLiteral("%1 %2°")
-                                       .arg(distance_text(distance_m(points[i - 1], at)))
-                                       .arg(bearing_deg(points[i - 1], at), 3, 'f', 0, QLatin1Char('0'))
+        auto leg = here && i > 0 ? QStringLiteral("%1 %2").arg(distance_text(distance_m(points[i - 1], at)),
+                                                               bearing_text(bearing_deg(points[i - 1], at)))
                                  : QString();
         QString there = known ? tr("same") : tr("not known");
         if (known && all[i].what == difference::moved) there = tr("%1 away").arg(distance_text(all[i].moved_m));

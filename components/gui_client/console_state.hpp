@@ -48,7 +48,7 @@ public:
     void takes_commands(const std::string& path);
     /// `path` is the role of the communication nodes: its packets came over any link, at any time in the past.
     void stands_for_all(const std::string& path);
-    /// A communication node reports its state; `told` null: only whether it is reached.
+    /// A communication node reports its state; `result` null: only whether it is reached.
     void on_node(const std::string& path, bool connected, std::string trouble, const communication_state* result,
                  utc_time now);
     void on_authority(const authority_state& result, utc_time now);

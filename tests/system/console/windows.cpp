@@ -1,7 +1,9 @@
 // The windows of the console, driven as an operator does.
 #include "desk.hpp"
 
+#include <apps/console/chart_viewport.hpp>
 #include <apps/console/theme.hpp>
+#include <apps/console/units.hpp>
 
 #include <QComboBox>
 #include <QStatusBar>
@@ -107,6 +109,31 @@ TEST_CASE("console windows: a double click and a key that is held send a command
         bool zooms = each->shortcut() == QKeySequence("+") || each->shortcut() == QKeySequence("-");
         CHECK(each->autoRepeat() == zooms);
     }
+}
+
+TEST_CASE("console windows: the time of arrival does not move away while nothing newer comes") {
+    desk it;
+    auto& eta = it.find<value_tile>("eta");
+    auto told = [&] { return eta.accessibleDescription().section(',', 0, 0); };
+    auto before = told();
+    REQUIRE(before.contains(':'));
+    it.now += 3min;
+    it.show();
+    CHECK(told() == before);
+}
+
+TEST_CASE("console windows: north is 000°, and places on both sides of 180° are neighbours") {
+    CHECK(bearing_text(359.7) == "000°");
+    CHECK(bearing_text(7.2) == "007°");
+    chart_viewport view;
+    view.projection.size = {600, 400};
+    view.fit({{-17, 179.9}, {-17, -179.9}});
+    CHECK(std::abs(view.projection.centre.longitude_deg) == Approx(180));
+    CHECK(view.projection.metres_per_pixel < 200);
+    auto west = view.projection.to_pixels({-17, 179.9}), east = view.projection.to_pixels({-17, -179.9});
+    CHECK(west.x() < 300);
+    CHECK(east.x() > 300);
+    CHECK(east.x() - west.x() < 600);
 }
 
 TEST_CASE("console windows: commands go over the link that was chosen") {

@@ -87,6 +87,18 @@ TEST_CASE("console windows: every telecommand is in the menu, and its arguments 
     });
     entry_of(command_kind::waypoint_insert)->trigger();
     CHECK(it.last<give_command>()->command == boat_command(commands::waypoint_insert{2, {28.16, -15.45}}));
+    QTimer::singleShot(0, it.window.get(), [&] {
+        auto* dialog = qobject_cast<telecommand_dialog*>(QApplication::activeModalWidget());
+        REQUIRE(dialog);
+        auto* checksum = dialog->findChild<QDoubleSpinBox*>("argument_checksum");
+        REQUIRE(checksum);
+        checksum->setValue(4294967295.0);
+        CHECK(checksum->value() == 4294967295.0);
+        CHECK(dialog->findChild<QPushButton*>("telecommand_accept")->isEnabled());
+        dialog->reject();
+    });
+    entry_of(command_kind::mission_switch)->trigger();
+    CHECK(it.last<give_command>()->command == boat_command(commands::waypoint_insert{2, {28.16, -15.45}}));
 }
 
 TEST_CASE("console windows: a raw telecommand takes text or hexadecimal, says what is wrong, and must be confirmed") {

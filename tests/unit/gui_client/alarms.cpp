@@ -67,6 +67,12 @@ TEST_CASE("console: the battery calls below its limit, and does not flutter ther
     CHECK_FALSE(charge(26, t0 + 3s));
     CHECK(charge(8, t0 + 4s));
     CHECK(find(state.view(t0 + 4s)->alarms, "battery")->how == severity::critical);
+    CHECK(charge(12, t0 + 5s));
+    CHECK(find(state.view(t0 + 5s)->alarms, "battery")->how == severity::critical);
+    CHECK(charge(16, t0 + 6s));
+    CHECK(find(state.view(t0 + 6s)->alarms, "battery")->how == severity::warning);
+    CHECK(charge(12, t0 + 7s));
+    CHECK(find(state.view(t0 + 7s)->alarms, "battery")->how == severity::warning);
 }
 
 TEST_CASE("console: in irons, off track, faults and a new boot call the operator") {
