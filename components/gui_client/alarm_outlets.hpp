@@ -27,7 +27,8 @@ mail_message alarm_mail(const alarm_outlet_options& options, const std::vector<a
 
 /// Sends alarms by mail and to a web hook. What waits goes in one mail; the hook gets a POST with JSON for each. A
 /// failure is repeated with exponential back-off (5 s to 5 min), and is an alarm of its own, `outlet:mail` or
-/// `outlet:hook`, which stays here. An event that waited for an hour is given up. Bounded: 100 events each, the oldest is dropped.
+/// `outlet:hook`, which stays here. An event that waited for an hour is given up. Bounded: 100 events each, the oldest
+/// is dropped.
 class alarm_outlets {
 public:
     static constexpr std::size_t max_waiting = 100;
