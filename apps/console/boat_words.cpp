@@ -43,9 +43,8 @@ QString mode_words(const snapshot& seen, utc_time at) {
     const auto& n = boat.sailing->value;
     if (boat.on_beacon()) return QObject::tr("mode not known");
     if (freshness_of(boat.sailing, value_kind::sailing, boat, at) == freshness::stale)
-        return QObject::tr("%1 · %2 ago")
-            .arg(n.remote_control ? QObject::tr("Remote") : text(label(n.mode)),
-                 text(age_text(age_s(at, boat.sailing->measured_at))));
+        return QObject::tr("%1? %2").arg(n.remote_control ? QObject::tr("Remote") : text(label(n.mode)),
+                                         text(age_text(age_s(at, boat.sailing->measured_at))));
     if (n.remote_control) return QObject::tr("Remote control");
     auto words = text(label(n.mode));
     if (n.in_irons) return words + QObject::tr(" · in irons");

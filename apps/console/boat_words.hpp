@@ -17,8 +17,8 @@ state_words state_of(const snapshot& seen, utc_time now);
 /// Of a boat whose component has ended: nothing newer comes.
 state_words state_of_ended();
 
-/// "Auto", "Heading · 12 min" with the time until it loiters (Manual alike), "–"; of a report that is stale
-/// "Auto · 12 min ago".
+/// "Auto", "Heading · 12 min" with the time until it loiters (Manual alike), "–"; of a report that is stale, with its
+/// age, "Auto? 12 min".
 QString mode_words(const snapshot& seen, utc_time now);
 
 } // namespace atirma::console

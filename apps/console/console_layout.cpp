@@ -70,7 +70,7 @@ QWidget* console_window::make_head() {
         label->setAlignment(Qt::AlignCenter);
     };
     widest(status_, tr("● no current data · 88 min"));
-    widest(mode_, tr("Heading · 88 min ago"));
+    widest(mode_, tr("Heading · 88 min"));
     clock_->setFixedWidth(QFontMetrics(clock_->font()).horizontalAdvance("88:88:88 UTC") + 6);
     command_ = new command_button(actions_, head);
     for (QWidget* each : std::initializer_list<QWidget*>{status_, mode_, command_, clock_}) row->addWidget(each);
@@ -93,7 +93,8 @@ void console_window::show_head(utc_time at) {
     mode_->setText(mode_words(*seen_, at));
     mode_->setToolTip(!known             ? tr("The mode is not known yet")
                       : boat.on_beacon() ? tr("Nothing is heard from the main controller: see the alarms")
-                      : stale            ? tr("The last mode that the boat reported: nothing newer is known")
+                      : stale            ? tr("Reported %1 ago: the last mode that is known")
+                                    .arg(text(age_text(age_s(at, boat.sailing->measured_at))))
                       : remote ? tr("The remote control has rudder and sail: the boat refuses what steers it until it "
                                     "is released; then its mode is %1")
                                      .arg(text(label(boat.sailing->value.mode)))

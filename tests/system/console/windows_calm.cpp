@@ -13,6 +13,7 @@
 #include <QElapsedTimer>
 #include <QFile>
 #include <QHeaderView>
+#include <QMenuBar>
 #include <QTabBar>
 #include <QTabWidget>
 #include <QTemporaryDir>
@@ -122,6 +123,12 @@ TEST_CASE("console windows: no message, alarm, mode, age or upload moves anythin
 
 TEST_CASE("console windows: at 1024 x 600 every button can be read, and no text is smaller than 14 pixels") {
     desk it(true, {1024, 600});
+    auto* menus = it.window->menuBar();
+    for (auto* each : menus->actions()) {
+        INFO("menu " << each->text().toStdString());
+        CHECK(menus->rect().contains(menus->actionGeometry(each)));
+        CHECK(menus->actionGeometry(each).width() > 10);
+    }
     auto& tabs = it.find<QTabWidget>("tabs");
     for (int place = 0; place < tabs.count(); ++place) {
         tabs.setCurrentIndex(place);
