@@ -29,7 +29,7 @@ public:
     waypoint to_place(QPointF at) const {
         double scale = pixels_per_degree();
         waypoint made;
-        made.longitude_deg = centre.longitude_deg + (at.x() - size.width() / 2) / scale;
+        made.longitude_deg = std::remainder(centre.longitude_deg + (at.x() - size.width() / 2) / scale, 360);
         made.latitude_deg = unstretched(stretched(centre.latitude_deg) - (at.y() - size.height() / 2) / scale);
         return made;
     }

@@ -135,6 +135,8 @@ TEST_CASE("console windows: north is 000°, and places on both sides of 180° ar
     CHECK(west.x() < 300);
     CHECK(east.x() > 300);
     CHECK(east.x() - west.x() < 600);
+    CHECK(view.projection.to_place(east).longitude_deg == Approx(-179.9)); // a click there is a valid waypoint
+    CHECK(view.projection.to_place(west).longitude_deg == Approx(179.9));
 }
 
 TEST_CASE("console windows: commands go over the link that was chosen") {
