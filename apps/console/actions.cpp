@@ -7,6 +7,7 @@
 #include <components/gui_client/leg_check.hpp>
 #include <components/gui_client/words.hpp>
 
+#include <QApplication>
 #include <QMessageBox>
 #include <QPushButton>
 
@@ -77,7 +78,13 @@ std::optional<taking> operator_actions::authority_for(const QString& what) {
     return holder.empty() ? taking::if_free : taking::from_holder;
 }
 
+bool operator_actions::has_ended() {
+    if (ended_) Q_EMIT said(tr("Not sent: the console's connection has ended; start the console again"));
+    return ended_;
+}
+
 bool operator_actions::act(action what) {
+    if (has_ended()) return false;
     if (to_(std::move(what))) return true;
     Q_EMIT said(tr("Not sent: the console's connection has ended or is overloaded"));
     return false;
@@ -92,6 +99,8 @@ QString operator_actions::validity_text(command_kind kind, std::optional<float> 
 }
 
 bool operator_actions::give(boat_command command, std::optional<float> valid_s) {
+    if (has_ended()) return false;
+    if (given_ == command && since_given_.elapsed() < QApplication::doubleClickInterval()) return false;
     if (!valid_s) valid_s = valid_s_;
     auto what = text(describe(command));
     auto valid = validity_text(command.kind(), valid_s);
@@ -112,6 +121,8 @@ bool operator_actions::give(boat_command command, std::optional<float> valid_s) 
     one.command = command;
     one.via = via_;
     if (!act(std::move(one))) return false;
+    given_ = std::move(command);
+    since_given_.start();
     Q_EMIT said(tr("Given: %1, %2").arg(what, valid));
     return true;
 }
@@ -119,6 +130,7 @@ bool operator_actions::give(boat_command command, std::optional<float> valid_s) 
 bool operator_actions::set_mode(sailing_mode mode) { return give(commands::set_mode{mode}); }
 
 bool operator_actions::upload(std::vector<waypoint> points, const std::vector<waypoint>& on_boat, bool held) {
+    if (has_ended()) return false;
     auto many = static_cast<int>(points.size());
     auto what = many == 0
                     ? tr("Clear the boat's list of waypoints?")
@@ -127,6 +139,7 @@ bool operator_actions::upload(std::vector<waypoint> points, const std::vector<wa
         tr("This replaces the boat's present list of %1, which the boat keeps until the whole new one has arrived.")
             .arg(on_boat.size());
     auto trouble = trouble_of(points);
+    held = held && !points.empty(); // to clear the boat's list always takes the question
     if (trouble.empty() ? !held && !confirmed(what, why) : !overridden(tr("the new list of waypoints"), trouble))
         return false;
     auto take = authority_for(tr("the new list of waypoints"));
@@ -140,6 +153,7 @@ bool operator_actions::upload(std::vector<waypoint> points, const std::vector<wa
 }
 
 bool operator_actions::sail_there(const waypoint& point) {
+    if (has_ended()) return false;
     auto where = place_text(point);
     auto trouble = trouble_of(point);
     if (trouble.empty() ? !confirmed(tr("Sail to %1?").arg(where),

@@ -55,7 +55,14 @@ QByteArray alarm_wave(severity how) {
     return made;
 }
 
-alarm_sound::alarm_sound(QString player, QObject* parent) : QObject(parent), player_(std::move(player)) {
+alarm_sound::alarm_sound(QString player, QObject* parent, std::chrono::milliseconds longest)
+    : QObject(parent), player_(std::move(player)) {
+    limit_.setSingleShot(true);
+    limit_.setInterval(longest);
+    connect(&limit_, &QTimer::timeout, this, [this] {
+        stop();
+        fall_back(tr("%1 does not end").arg(player_));
+    });
     silent_ = player_ == "none";
     if (silent_ || !player_.isEmpty()) return;
     for (const char* each : {"pw-play", "paplay", "aplay"})
@@ -85,20 +92,37 @@ QString alarm_sound::file_of(severity how) {
 bool alarm_sound::playing() const { return running_ && running_->state() != QProcess::NotRunning; }
 
 void alarm_sound::play(severity how) {
-    if (silent_ || playing()) return;
+    if (silent_ || (playing() && how <= running_how_)) return;
+    stop();
     if (player_.isEmpty()) return QApplication::beep();
     auto path = file_of(how);
     if (path.isEmpty()) return fall_back(tr("cannot write the sound of alarms to %1").arg(folder_.path()));
     running_ = std::make_unique<QProcess>();
+    running_how_ = how;
     connect(running_.get(), &QProcess::errorOccurred, this, [this](QProcess::ProcessError why) {
-        if (why == QProcess::FailedToStart) fall_back(tr("%1 cannot be started").arg(player_));
+        if (why != QProcess::FailedToStart) return;
+        limit_.stop();
+        fall_back(tr("%1 cannot be started").arg(player_));
     });
     connect(running_.get(), &QProcess::finished, this, [this](int code, QProcess::ExitStatus) {
+        limit_.stop();
         if (code != 0) fall_back(tr("%1 ended with %2").arg(player_).arg(code));
     });
     running_->setStandardOutputFile(QProcess::nullDevice());
     running_->setStandardErrorFile(QProcess::nullDevice());
+    limit_.start();
     running_->start(player_, {path});
+}
+
+/// Does not wait for its end: a player that hangs in a driver would hold the window.
+void alarm_sound::stop() {
+    limit_.stop();
+    if (!playing()) return;
+    auto* old = running_.release();
+    old->disconnect(this);
+    connect(old, &QProcess::finished, old, &QObject::deleteLater);
+    connect(old, &QProcess::errorOccurred, old, &QObject::deleteLater);
+    old->kill();
 }
 
 void alarm_sound::fall_back(const QString& why) {

@@ -35,16 +35,22 @@ state_words state_of(const snapshot& seen, utc_time now) {
     return made;
 }
 
+state_words state_of_ended() { return {QObject::tr("ended"), QString(), colours().bad, colours().bad_back}; }
+
 QString mode_words(const snapshot& seen, utc_time at) {
     const auto& boat = seen.boat;
     if (!boat.sailing) return QStringLiteral("–");
     const auto& n = boat.sailing->value;
     if (boat.on_beacon()) return QObject::tr("mode not known");
+    if (freshness_of(boat.sailing, value_kind::sailing, boat, at) == freshness::stale)
+        return QObject::tr("%1? %2").arg(n.remote_control ? QObject::tr("Remote") : text(label(n.mode)),
+                                         text(age_text(age_s(at, boat.sailing->measured_at))));
     if (n.remote_control) return QObject::tr("Remote control");
     auto words = text(label(n.mode));
     if (n.in_irons) return words + QObject::tr(" · in irons");
     if (n.at_fence) return words + QObject::tr(" · fence");
-    if (n.mode != sailing_mode::hold || !boat.mode_since) return words;
+    bool ends = n.mode == sailing_mode::hold || n.mode == sailing_mode::manual;
+    if (!ends || !boat.mode_since) return words;
     double limit_s = 0;
     if (const auto* info = find_parameter(parameter_id::heading_time_limit))
         limit_s = static_cast<double>(info->initial);

@@ -102,10 +102,12 @@ void chart_base::paint_graticule(QPainter& to, const chart_projection& projectio
     auto other = projection.to_place({width, 0});
     to.setFont(font_of(10));
     to.setPen(numbers ? QPen(t.sea_text) : QPen(t.graticule, 1));
-    for (double lon = std::ceil(corner.longitude_deg / step) * step; lon < other.longitude_deg; lon += step) {
+    double east = other.longitude_deg < corner.longitude_deg ? other.longitude_deg + 360 : other.longitude_deg; // 180°
+    for (double lon = std::ceil(corner.longitude_deg / step) * step; lon < east; lon += step) {
         double x = std::round(projection.to_pixels({corner.latitude_deg, lon}).x()) + 0.5;
         if (!numbers) to.drawLine(QPointF(x, 0), QPointF(x, height));
-        else if (x < width - 80) to.drawText(QPointF(x + 4, 12), line_text(lon, 'E', 'W', minutes));
+        else if (x < width - 80)
+            to.drawText(QPointF(x + 4, 12), line_text(std::remainder(lon, 360), 'E', 'W', minutes));
     }
     for (double lat = std::ceil(corner.latitude_deg / step) * step; lat < other.latitude_deg; lat += step) {
         double y = std::round(projection.to_pixels({lat, corner.longitude_deg}).y()) + 0.5;

@@ -121,9 +121,9 @@ void paint_pointer(QPainter& to, const chart_projection& projection, const chart
         auto place = projection.to_place(*pointer);
         words = place_text(place);
         if (at)
-            words += QStringLiteral("   ·   %1  %2 %3°")
-                         .arg(QObject::tr("from the boat"), distance_text(distance_m(*at, place)))
-                         .arg(bearing_deg(*at, place), 3, 'f', 0, QLatin1Char('0'));
+            words += QStringLiteral("   ·   %1  %2 %3")
+                         .arg(QObject::tr("from the boat"), distance_text(distance_m(*at, place)),
+                              bearing_text(bearing_deg(*at, place)));
     } else if (at) {
         words = place_text(*at);
     } else {
@@ -137,7 +137,10 @@ void paint_pointer(QPainter& to, const chart_projection& projection, const chart
 void paint_empty(QPainter& to, const chart_projection& projection, const chart_scene& scene) {
     const auto& t = colours();
     QString head = QObject::tr("No boat heard yet"), what, more;
-    if (scene.seen) {
+    if (!scene.ended.isEmpty()) {
+        head = QObject::tr("Nothing is received any more");
+        what = QObject::tr("Start the console again; the red strip has the reason");
+    } else if (scene.seen) {
         const auto& f = scene.seen->finding;
         what = QObject::tr("Looking for %1").arg(text(f.looking_for));
         if (!f.where.empty()) what += QObject::tr(" at %1").arg(text(f.where));

@@ -23,13 +23,13 @@ public:
 
     QPointF to_pixels(const waypoint& at) const {
         double scale = pixels_per_degree();
-        return {size.width() / 2 + (at.longitude_deg - centre.longitude_deg) * scale,
+        return {size.width() / 2 + std::remainder(at.longitude_deg - centre.longitude_deg, 360) * scale,
                 size.height() / 2 - (stretched(at.latitude_deg) - stretched(centre.latitude_deg)) * scale};
     }
     waypoint to_place(QPointF at) const {
         double scale = pixels_per_degree();
         waypoint made;
-        made.longitude_deg = centre.longitude_deg + (at.x() - size.width() / 2) / scale;
+        made.longitude_deg = std::remainder(centre.longitude_deg + (at.x() - size.width() / 2) / scale, 360);
         made.latitude_deg = unstretched(stretched(centre.latitude_deg) - (at.y() - size.height() / 2) / scale);
         return made;
     }
@@ -54,7 +54,7 @@ private:
         return (2 * std::atan(std::exp(y * radians)) - std::numbers::pi / 2) / radians;
     }
     static waypoint bounded(waypoint at) {
-        return {std::clamp(at.latitude_deg, -85.0, 85.0), std::clamp(at.longitude_deg, -180.0, 180.0)};
+        return {std::clamp(at.latitude_deg, -85.0, 85.0), std::remainder(at.longitude_deg, 360)};
     }
 };
 

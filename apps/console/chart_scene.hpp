@@ -31,6 +31,7 @@ struct chart_scene {
     utc_time now{};
     double tail_s = 0; ///< only so much of the track is drawn; 0: all
     std::vector<other_boat> others;
+    QString ended; ///< why nothing newer comes; empty: the boat is followed
 
     std::optional<waypoint> boat() const { return seen ? place_of(*seen) : std::nullopt; }
 };

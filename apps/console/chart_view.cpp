@@ -45,6 +45,12 @@ void chart_view::show_snapshot(std::shared_ptr<const snapshot> seen, utc_time no
     describe();
 }
 
+void chart_view::show_ended(const QString& why) {
+    if (scene_.ended == why) return;
+    scene_.ended = why;
+    update();
+}
+
 void chart_view::show_others(std::vector<other_boat> others) {
     scene_.others = std::move(others);
     describe();

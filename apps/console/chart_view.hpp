@@ -24,6 +24,8 @@ public:
     void show_snapshot(std::shared_ptr<const snapshot> seen, utc_time now);
     /// The other boats of the fleet: those whose place is known.
     void show_others(std::vector<other_boat> others);
+    /// Why nothing newer comes; empty: the boat is followed.
+    void show_ended(const QString& why);
     chart_projection& projection() noexcept { return viewport_.projection; }
     bool following() const noexcept { return viewport_.following(); }
     bool editing() const noexcept { return editor_.on(); }

@@ -5,6 +5,7 @@
 #include <QRectF>
 
 #include <algorithm>
+#include <cmath>
 
 namespace atirma::console {
 
@@ -19,11 +20,15 @@ void chart_viewport::fit(const std::vector<waypoint>& places) {
     if (places.empty()) return;
     auto [south, north] = std::minmax_element(places.begin(), places.end(),
                                               [](auto& a, auto& b) { return a.latitude_deg < b.latitude_deg; });
-    auto [west, east] = std::minmax_element(places.begin(), places.end(),
-                                            [](auto& a, auto& b) { return a.longitude_deg < b.longitude_deg; });
-    double low = south->latitude_deg, high = north->latitude_deg, left = west->longitude_deg,
-           right = east->longitude_deg;
-    projection.centre = {(low + high) / 2, (left + right) / 2};
+    double low = south->latitude_deg, high = north->latitude_deg;
+    // From the first one the short way round: places on both sides of 180° are neighbours.
+    double first = places.front().longitude_deg, left = first, right = first;
+    for (const auto& one : places) {
+        double at = first + std::remainder(one.longitude_deg - first, 360);
+        left = std::min(left, at);
+        right = std::max(right, at);
+    }
+    projection.centre = {(low + high) / 2, std::remainder((left + right) / 2, 360)};
     double wide = distance_m({low, left}, {low, right}), tall = distance_m({low, left}, {high, left});
     double room_x = std::max(120.0, projection.size.width() * 0.56);
     double room_y = std::max(100.0, projection.size.height() * 0.56);

@@ -86,7 +86,11 @@ void command_button::show_snapshot(const snapshot& seen) {
     const auto& holder = seen_.state.holder;
     QColor ink = t.ink2, back = t.field;
     QString words = tr("no authority held");
-    if (seen_.changing) words = tr("asking…");
+    bool reached = seen.nodes.empty() || std::ranges::any_of(seen.nodes, &node_view::connected);
+    if (!reached) {
+        words = tr("authority not known");
+        ink = t.warn, back = t.warn_back;
+    } else if (seen_.changing) words = tr("asking…");
     else if (seen_.mine() && !seen_.state.asked_by.empty()) {
         words = tr("%1 asks for it").arg(console::text(operator_label(seen_.state.asked_by.front())));
         ink = t.warn, back = t.warn_back;
@@ -99,7 +103,10 @@ void command_button::show_snapshot(const snapshot& seen) {
     }
     setText(QFontMetrics(font_of(smallest_text, QFont::DemiBold)).elidedText(words, Qt::ElideMiddle, width() - 20));
     setToolTip(seen_.problem.empty()
-                   ? words + "\n" + tr("The operator whose telecommands the boat accepts; click to change")
+                   ? words + "\n" +
+                         (reached ? tr("The operator whose telecommands the boat accepts; click to change")
+                                  : tr("No communication node is reached; the last holder that one reported: %1")
+                                        .arg(holder.empty() ? tr("nobody") : console::text(operator_label(holder))))
                    : console::text(seen_.problem));
     auto sheet =
         QStringLiteral("QToolButton { color: %1; background: %2; border: 0; border-radius: 10px; padding: 2px 10px; "

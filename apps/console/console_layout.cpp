@@ -27,6 +27,7 @@
 #include <QToolButton>
 
 #include <algorithm>
+#include <utility>
 
 // The parts of the window: head, alarm strip, side, the chart's tools.
 namespace atirma::console {
@@ -37,6 +38,11 @@ QString pill(const QColor& ink, const QColor& back) {
                "QLabel { color: %1; background: %2; border-radius: 10px; padding: 2px 10px; font-weight: 600; }")
         .arg(ink.name(), back.name());
 }
+
+constexpr int strip_height = 34;
+
+/// So long an alarm was in sight before a click is meant for it.
+constexpr auto shown_before_click = std::chrono::milliseconds(500);
 
 /// Only a new one: Qt lays the widget out again for each.
 void set_sheet(QWidget* of, const QString& sheet) {
@@ -74,26 +80,34 @@ QWidget* console_window::make_head() {
 void console_window::show_head(utc_time at) {
     const auto& t = colours();
     const auto& boat = seen_->boat;
-    auto state = state_of(*seen_, at);
+    const auto& ended = fleet_.ended(shown_);
+    auto state = ended.empty() ? state_of(*seen_, at) : state_of_ended();
     auto words = state.age.isEmpty() ? state.words : tr("%1 · %2").arg(state.words, state.age);
     status_->setText("● " + words);
-    status_->setToolTip(words);
+    status_->setToolTip(ended.empty() ? words : text(ended));
     set_sheet(status_, pill(state.ink, state.back));
     bool known = boat.sailing.has_value();
     bool irons = known && boat.sailing->value.in_irons, fence = known && boat.sailing->value.at_fence;
     bool remote = known && boat.sailing->value.remote_control;
+    bool stale = freshness_of(boat.sailing, value_kind::sailing, boat, at) == freshness::stale;
     mode_->setText(mode_words(*seen_, at));
     mode_->setToolTip(!known             ? tr("The mode is not known yet")
                       : boat.on_beacon() ? tr("Nothing is heard from the main controller: see the alarms")
+                      : stale            ? tr("Reported %1 ago: the last mode that is known")
+                                    .arg(text(age_text(age_s(at, boat.sailing->measured_at))))
                       : remote ? tr("The remote control has rudder and sail: the boat refuses what steers it until it "
                                     "is released; then its mode is %1")
                                      .arg(text(label(boat.sailing->value.mode)))
-                      : fence                                          ? tr("It turned back at its fence or the coast")
-                      : boat.sailing->value.mode == sailing_mode::hold ? tr("It loiters when the time is over")
-                                                                       : tr("The mode that the boat reports"));
-    set_sheet(mode_, irons             ? pill(t.bad, t.bad_back)
-                     : fence || remote ? pill(t.warn, t.warn_back)
-                                       : pill(t.accent, t.notice_back));
+                      : fence ? tr("It turned back at its fence or the coast")
+                      : boat.sailing->value.mode == sailing_mode::hold ||
+                              boat.sailing->value.mode == sailing_mode::manual
+                          ? tr("It loiters when the time is over")
+                          : tr("The mode that the boat reports"));
+    set_sheet(mode_, !known || boat.on_beacon() ? pill(t.ink3, t.field)
+                     : stale                    ? pill(t.warn, t.warn_back)
+                     : irons                    ? pill(t.bad, t.bad_back)
+                     : fence || remote          ? pill(t.warn, t.warn_back)
+                                                : pill(t.accent, t.notice_back));
     record_mark_->setVisible(recorder_.running());
     record_mark_->setText(tr("● REC %1").arg(recorder_.written()));
     set_sheet(record_mark_, pill(t.bad, t.bad_back));
@@ -126,11 +140,12 @@ QWidget* console_window::make_alarm_strip() {
     strip_text_->setObjectName("alarm_text");
     strip_text_->setSizePolicy(QSizePolicy::Ignored, QSizePolicy::Preferred);
     strip_text_->setAccessibleName(tr("Alarm"));
-    strip_->setFixedHeight(34); // the same with and without an alarm
+    strip_->setFixedHeight(strip_height); // the same with and without an alarm
     auto* more = strip_more_ = new QPushButton(tr("Show"), strip_);
     connect(more, &QPushButton::clicked, this, [this] {
         auto open = fleet_.open_alarms(shown_);
         if (!open.empty()) show_boat(open.front().boat);
+        else if (auto ended = fleet_.first_ended(shown_)) show_boat(*ended);
         show_tab("alarms");
     });
     auto* acknowledge = strip_acknowledge_ = new QPushButton(tr("Acknowledge"), strip_);
@@ -142,15 +157,22 @@ QWidget* console_window::make_alarm_strip() {
     }
     acknowledge->setObjectName("acknowledge_first");
     acknowledge->setToolTip(tr("Acknowledges this alarm; it stays in the list until its cause is gone"));
-    connect(acknowledge, &QPushButton::clicked, this, [this] {
-        auto open = fleet_.open_alarms(shown_);
-        if (open.empty()) return;
-        if (!act_(open.front().boat, acknowledge_alarm{open.front().alarm.key})) say(tr("The console is busy: again"));
+    connect(acknowledge, &QPushButton::pressed, this, [this] {
+        bool read = std::chrono::abs(now() - in_strip_since_) >= shown_before_click;
+        pressed_ = read ? in_strip_ : std::nullopt;
     });
+    connect(acknowledge, &QPushButton::clicked, this, &console_window::acknowledge_first);
     row->addWidget(strip_text_, 1);
     row->addWidget(more);
     row->addWidget(acknowledge);
     return strip_;
+}
+
+/// The alarm that was read when the button was pressed: another one may have come since.
+void console_window::acknowledge_first() {
+    auto read = std::exchange(pressed_, std::nullopt);
+    if (!read) return say(tr("Not acknowledged: this alarm has just come"));
+    if (!act_(read->boat, acknowledge_alarm{read->key})) say(tr("The console is busy: try again"));
 }
 
 void console_window::show_alarm_strip() {
@@ -159,8 +181,19 @@ void console_window::show_alarm_strip() {
     auto open_alarms = fleet_.open_alarms(shown_);
     auto open = open_alarms.size();
     auto open_here = count_open(*seen_).count;
-    strip_more_->setVisible(open > 0);
-    strip_acknowledge_->setVisible(open > 0);
+    auto ended = fleet_.first_ended(shown_);
+    bool shows_end = ended && (open == 0 || *ended == shown_);
+    std::optional<strip_alarm> first_open;
+    if (open > 0 && !shows_end) {
+        const auto& [boat, first] = open_alarms.front();
+        first_open = strip_alarm{boat, first.key, first.how, first.raised_at};
+    }
+    if (in_strip_ != first_open) {
+        in_strip_ = std::move(first_open);
+        in_strip_since_ = now();
+    }
+    strip_more_->setVisible(open > 0 || (ended && *ended != shown_));
+    strip_acknowledge_->setVisible(open > 0 && !shows_end);
     auto place = tabs_->indexOf(alarms_);
     bool grave = std::ranges::any_of(all, [](const auto& a) { return !a.acknowledged && a.how == severity::critical; });
     tabs_->tabBar()->setTabTextColor(place, grave ? t.bad : open_here > 0 ? t.warn : QColor());
@@ -171,6 +204,21 @@ void console_window::show_alarm_strip() {
             .arg(back.name(), ink.name())
             .arg(weight);
     };
+    if (shows_end) {
+        auto told = text(fleet_.labelled(*ended, fleet_.ended(*ended)));
+        set_sheet(strip_, strip_sheet(t.bad_back, t.bad, 600));
+        auto words = open > 0 ? told + tr("   + %1 more").arg(open) : told;
+        strip_text_->setWordWrap(true);
+        strip_text_->setText(words);
+        strip_text_->setToolTip(told);
+        QFontMetrics letters(font_of(smallest_text, QFont::DemiBold));
+        QRect room(0, 0, std::max(100, strip_text_->width()), 10'000);
+        auto lines = letters.boundingRect(room, Qt::TextWordWrap, words).height() / letters.lineSpacing();
+        strip_->setFixedHeight(strip_height + (lines - 1) * letters.lineSpacing()); // it stays: all of it is shown
+        return;
+    }
+    strip_text_->setWordWrap(false);
+    strip_->setFixedHeight(strip_height);
     if (open == 0) {
         set_sheet(strip_, strip_sheet(t.page, t.ink3, 400));
         strip_text_->setText(all.empty() ? tr("No alarms") : tr("Acknowledged alarms: %1 (F5)").arg(all.size()));
@@ -186,6 +234,7 @@ void console_window::show_alarm_strip() {
     auto words = QStringLiteral("%1  %2").arg(text(ise::iso_8601(first.raised_at).substr(11, 8)), told);
     if (first.over_at) words += tr("  (over)");
     if (open > 1) words += tr("   + %1 more").arg(open - 1);
+    if (ended) words += QStringLiteral("   + ") + text(fleet_.labelled(*ended, fleet_.ended(*ended)));
     strip_text_->setText(words);
     strip_text_->setToolTip(told);
 }
@@ -207,7 +256,7 @@ QWidget* console_window::make_side() {
     links_ = new links_panel(actions_, tabs_);
     boat_ = new boat_panel(actions_, tabs_);
     log_ = new command_list([this](std::uint32_t id) { actions_.act(call_back_command{id}); }, tabs_);
-    alarms_ = new alarm_list([this](const std::string& key) { actions_.act(acknowledge_alarm{key}); }, tabs_);
+    alarms_ = new alarm_list([this](const std::string& key) { return actions_.act(acknowledge_alarm{key}); }, tabs_);
     packets_ = new packet_list(tabs_);
     present_ = new present_list(tabs_);
     const std::tuple<QWidget*, const char*, QString, QString> all[] = {

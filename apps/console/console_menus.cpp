@@ -1,6 +1,7 @@
 #include "console_window.hpp"
 
 #include "chart_view.hpp"
+#include "lists.hpp"
 #include "mission_panel.hpp"
 #include "telecommand_dialog.hpp"
 #include "theme.hpp"
@@ -19,6 +20,7 @@ QAction* console_window::add(QMenu* to, const QString& words, const QKeySequence
     auto* made = to->addAction(words);
     made->setShortcut(key);
     made->setShortcutContext(Qt::WindowShortcut);
+    made->setAutoRepeat(false); // a key that is held sends a command once
     connect(made, &QAction::triggered, this, [act = std::move(act)] { act(); });
     return made;
 }
@@ -27,6 +29,7 @@ void console_window::make_menus() {
     auto toggle = [this](QMenu* to, const QString& words, const QKeySequence& key, bool on, auto act) {
         auto* made = to->addAction(words);
         made->setShortcut(key);
+        made->setAutoRepeat(false);
         made->setCheckable(true);
         made->setChecked(on);
         made->setToolTip(
@@ -59,8 +62,8 @@ void console_window::make_menus() {
         auto* all = add(view, tr("&All boats"), QKeySequence("Shift+Home"), [this] { chart_->fit_fleet(); });
         all->setObjectName("all_boats");
     }
-    add(view, tr("Nearer"), QKeySequence("+"), [this] { chart_->zoom(1.5); });
-    add(view, tr("Farther"), QKeySequence("-"), [this] { chart_->zoom(1 / 1.5); });
+    add(view, tr("Nearer"), QKeySequence("+"), [this] { chart_->zoom(1.5); })->setAutoRepeat(true);
+    add(view, tr("Farther"), QKeySequence("-"), [this] { chart_->zoom(1 / 1.5); })->setAutoRepeat(true);
     auto* tail = view->addMenu(tr("&Track shown"));
     auto* lengths = new QActionGroup(this);
     for (auto [words, seconds] : {std::pair{tr("All"), 0.0},
@@ -80,7 +83,7 @@ void console_window::make_menus() {
         add(view, tabs_->tabText(i), QKeySequence(Qt::Key_F1 + i), [this, i] { tabs_->setCurrentIndex(i); });
     add(view, tr("Full screen"), QKeySequence("F11"), [this] { isFullScreen() ? showNormal() : showFullScreen(); });
 
-    auto* boat = menuBar()->addMenu(tr("&Boat"));
+    auto* boat = boat_menu_ = menuBar()->addMenu(tr("&Boat"));
     int number = 1;
     for (auto mode : {sailing_mode::automatic, sailing_mode::hold, sailing_mode::station_keep,
                       sailing_mode::return_home, sailing_mode::manual})
@@ -143,7 +146,7 @@ void console_window::make_menus() {
     add(mission, tr("E&xport route (GPX)…"), QKeySequence("Ctrl+Shift+S"), [this] { export_route(); });
 
     auto* help = menuBar()->addMenu(tr("&Alarms"));
-    add(help, tr("Acknowledge &all alarms"), QKeySequence("Ctrl+K"), [this] { actions_.act(acknowledge_alarm()); });
+    add(help, tr("Acknowledge &all alarms"), QKeySequence("Ctrl+K"), [this] { alarms_->acknowledge_all(); });
     add(help, tr("Alarm &limits…"), QKeySequence("Ctrl+L"), [this] { edit_limits(); });
     add(help, tr("&Keys and mouse"), QKeySequence("Shift+F1"), [this] { show_keys(); });
 }

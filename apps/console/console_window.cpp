@@ -32,6 +32,7 @@
 #include <QTabWidget>
 #include <QTimer>
 
+#include <initializer_list>
 #include <utility>
 
 namespace atirma::console {
@@ -145,7 +146,7 @@ void console_window::show_boat(std::size_t boat) {
     before->deleteLater(); // the switch may come from one of its widgets
     shown_ = boat;
     seen_ = fleet_.seen(boat);
-    actions_.choose_link({}); // a proxy of the other boat
+    actions_.begin_boat();
     make_middle();
     connect_middle();
     fit_instruments(height());
@@ -219,9 +220,27 @@ void console_window::take_snapshot(std::size_t boat, std::shared_ptr<const snaps
     }
 }
 
+void console_window::end_boat(std::size_t boat, const QString& why) {
+    fleet_.end(boat,
+               tr("The console has ended; start it again. Nothing is received or sent: %1").arg(why).toStdString());
+    sound_->play(severity::critical);
+    QApplication::alert(this);
+    refresh();
+}
+
+/// Whether commands are possible: what cannot be sent is not offered.
+void console_window::show_ended() {
+    const auto& ended = fleet_.ended(shown_);
+    bool runs = ended.empty();
+    chart_->show_ended(text(ended));
+    mission_->allow_commands(runs);
+    boat_menu_->menuAction()->setEnabled(runs);
+    for (QWidget* each : std::initializer_list<QWidget*>{command_, helm_, boat_}) each->setEnabled(runs);
+}
+
 void console_window::refresh() {
     auto at = now();
-    actions_.know(seen_);
+    actions_.know(seen_, !fleet_.ended(shown_).empty());
     command_->show_snapshot(*seen_);
     chart_->show_snapshot(seen_, at);
     instruments_->show_boat(seen_->boat, at);
@@ -234,6 +253,7 @@ void console_window::refresh() {
     packets_->show_snapshot(*seen_);
     present_->show_snapshot(*seen_, at);
     show_head(at);
+    show_ended();
     show_fleet(at);
 }
 
@@ -354,7 +374,7 @@ QString console_window::import_route(const QString& path) {
     QFile file(path);
     if (!file.open(QIODevice::ReadOnly)) return tr("cannot read %1: %2").arg(path, file.errorString());
     constexpr qint64 most = 4 << 20;
-    if (file.size() > most) return tr("%1 has more than 4 MiB: it is no route").arg(path);
+    if (file.size() > most) return tr("%1 has more than 4 MiB: it is not a route").arg(path);
     auto route = route_from_gpx(file.readAll());
     if (!route.trouble.isEmpty()) return tr("%1 was not imported: %2").arg(path, route.trouble);
     draft().replace(std::move(route.points));

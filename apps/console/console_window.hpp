@@ -62,6 +62,8 @@ public:
     /// Shows the ports' snapshots as they arrive, for the lifetime of the window: one port for each boat.
     void attach(std::vector<std::shared_ptr<operator_port>> ports);
     void show_snapshot(std::shared_ptr<const snapshot> seen, std::size_t boat = 0);
+    /// The component of that boat has ended, for good: the strip says why, and nothing can be sent to it any more.
+    void end_boat(std::size_t boat, const QString& why);
     /// Switches to another boat: the widgets are built anew, so that nothing entered for one boat reaches another.
     void show_boat(std::size_t boat);
     std::size_t shown_boat() const noexcept { return shown_; }
@@ -121,6 +123,8 @@ private:
     void refresh();
     void show_head(utc_time now);
     void show_alarm_strip();
+    void acknowledge_first();
+    void show_ended();
     void ring();
     void write_alarm_log();
     void use_palette();
@@ -159,9 +163,20 @@ private:
     alarm_list* alarms_;
     packet_list* packets_;
     present_list* present_;
+    QMenu* boat_menu_ = nullptr;
     fleet_list* boats_ = nullptr;       ///< null: there is one boat
     choice_box* boat_choice_ = nullptr; ///< likewise
     QTabWidget* tabs_;
+    /// The alarm in the strip.
+    struct strip_alarm {
+        std::size_t boat = 0;
+        std::string key;
+        severity how = severity::notice;
+        utc_time raised_at{};
+        bool operator==(const strip_alarm&) const = default;
+    };
+    std::optional<strip_alarm> in_strip_, pressed_;
+    utc_time in_strip_since_{};
     QFrame* strip_;
     QLabel *strip_text_, *status_, *mode_, *record_mark_, *clock_;
     QPushButton *strip_more_, *strip_acknowledge_;

@@ -61,9 +61,12 @@ void fleet_list::show_fleet(const fleet_watch& fleet, std::size_t shown, utc_tim
         const auto& seen = *fleet.seen(boat);
         auto name = text(fleet.name(boat));
         set_cell(table_, row, 0, boat == shown ? "▸ " + name : name, boat == shown ? t.accent : t.ink, name);
-        auto state = state_of(seen, now);
+        const auto& ended = fleet.ended(boat);
+        auto state = ended.empty() ? state_of(seen, now) : state_of_ended();
         set_cell(table_, row, 1, "● " + state.words, state.ink,
-                 state.age.isEmpty() ? state.words : tr("%1; the position is %2 old").arg(state.words, state.age));
+                 !ended.empty()        ? text(ended)
+                 : state.age.isEmpty() ? state.words
+                                       : tr("%1; the position is %2 old").arg(state.words, state.age));
         const auto& heard = seen.boat.last_heard;
         set_cell(table_, row, 2, heard ? text(age_text(age_s(now, *heard))) : QStringLiteral("–"), t.ink2,
                  heard ? tr("last contact at %1").arg(clock_of(*heard)) : tr("not heard yet"));

@@ -68,7 +68,8 @@ helm_bar::helm_bar(operator_actions& actions, QWidget* parent) : QWidget(parent)
 
 void helm_bar::show_snapshot(const snapshot& seen, utc_time now) {
     const auto& sailing = seen.boat.sailing;
-    bool known = freshness_of(sailing, value_kind::sailing, seen.boat, now) != freshness::none;
+    auto how = freshness_of(sailing, value_kind::sailing, seen.boat, now);
+    bool known = (how == freshness::fresh || how == freshness::ageing) && !seen.boat.on_beacon();
     for (auto& [mode, button] : modes_) button->setChecked(known && sailing->value.mode == mode);
     for (const auto& link : seen.links) {
         if (!link.takes_commands || link.all_links) continue;
@@ -80,11 +81,10 @@ void helm_bar::show_snapshot(const snapshot& seen, utc_time now) {
     for (const auto& one : *seen.commands)
         if (one.own) last = &one;
     if (!last) return last_->setText(QString());
-    const auto& t = colours();
-    auto colour = last->phase == command_phase::done ? t.good : is_over(last->phase) ? t.bad : t.warn;
     auto words = text(last->what) + ": " + phase_text(*last, now);
     auto shown = QFontMetrics(last_->font()).elidedText(words, Qt::ElideRight, std::max(40, last_->width() - 16));
-    last_->setText(QStringLiteral("<span style='color:%1'>●</span> %2").arg(colour.name(), shown.toHtmlEscaped()));
+    last_->setText(
+        QStringLiteral("<span style='color:%1'>●</span> %2").arg(colour_of(last->phase).name(), shown.toHtmlEscaped()));
     last_->setToolTip(words + (last->text.empty() ? QString() : "\n" + text(last->text)));
 }
 

@@ -119,7 +119,6 @@ void actuator_gauge::show_values(double commanded, double actual, freshness how,
     commanded_ = commanded;
     actual_ = actual;
     how_ = how;
-    age_s_ = age_seconds;
     setAccessibleDescription(
         how == freshness::none
             ? tr("unknown")
@@ -244,7 +243,9 @@ void instrument_panel::show_boat(const boat_view& boat, utc_time now) {
     auto off = static_cast<double>(nav.cross_track_error_m);
     xte_->show_value(whole(std::abs(off)), off > 0.5 ? tr("m R") : off < -0.5 ? tr("m L") : tr("m"), leg_how, nav_age);
     auto left = on_legs ? time_to_waypoint_s(boat) : std::nullopt;
-    auto then = now + std::chrono::seconds(static_cast<long long>(left.value_or(0)));
+    // From when the distance was measured: the arrival does not move away while nothing newer comes.
+    auto then = (boat.sailing ? boat.sailing->measured_at : now) +
+                std::chrono::seconds(static_cast<long long>(left.value_or(0)));
     eta_->show_value(left ? duration_text(*left) : QString(), text(ise::iso_8601(then).substr(11, 5)),
                      left ? std::max(way_how, fix_how) : freshness::none, std::max(fix_age, nav_age));
     wind breeze = boat.breeze ? boat.breeze->value : wind();

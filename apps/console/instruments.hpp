@@ -67,7 +67,7 @@ protected:
 
 private:
     QString label_;
-    double low_, high_, commanded_ = 0, actual_ = 0, age_s_ = 0;
+    double low_, high_, commanded_ = 0, actual_ = 0;
     freshness how_ = freshness::none;
 };
 

@@ -40,9 +40,9 @@ limits_dialog::limits_dialog(const alarm_limits& now, QWidget* parent) : QDialog
     battery_low_ = add("limit_battery_low", tr("Battery low below"), tr("A warning"), 0, 100, "%");
     battery_critical_ =
         add("limit_battery_critical", tr("Battery critical below"), tr("At most the limit above"), 0, 100, "%");
-    off_track_ = add("limit_off_track", tr("Off track by"), tr("In Auto and Return, to either side of the leg"), 5,
-                     10000, tr("m"));
-    modem_hot_ = add("limit_modem_hot", tr("Modem on shore warmer than"), tr("At 60 °C it begins to transmit less"), 20,
+    off_track_ =
+        add("limit_off_track", tr("Off track by"), tr("In Auto and RTL, to either side of the leg"), 5, 10000, tr("m"));
+    modem_hot_ = add("limit_modem_hot", tr("Shore modem hotter than"), tr("At 60 °C it begins to transmit less"), 20,
                      100, tr("°C"));
     duty_ = add("limit_duty", tr("Duty cycle used up to"), tr("At 100 % the modem stops transmitting"), 1, 100, "%");
     column->addLayout(form);
@@ -57,7 +57,7 @@ limits_dialog::limits_dialog(const alarm_limits& now, QWidget* parent) : QDialog
     accept_->setObjectName("limits_accept");
     accept_->setProperty("role", "primary");
     buttons->addButton(tr("Cancel"), QDialogButtonBox::RejectRole);
-    auto* usual = buttons->addButton(tr("As delivered"), QDialogButtonBox::ResetRole);
+    auto* usual = buttons->addButton(tr("Defaults"), QDialogButtonBox::ResetRole);
     connect(buttons, &QDialogButtonBox::accepted, this, &QDialog::accept);
     connect(buttons, &QDialogButtonBox::rejected, this, &QDialog::reject);
     connect(usual, &QPushButton::clicked, this, [this] { show_limits(alarm_limits()); });

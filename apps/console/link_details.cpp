@@ -24,7 +24,7 @@ QString ago(const std::optional<utc_time>& then, utc_time now) {
 QString old_mark(const link_view& link, utc_time now) {
     if (!link.told_at || age_s(now, *link.told_at) < 30) return {};
     return QStringLiteral(" <span style='color:%1'>· %2</span>")
-        .arg(colours().warn.name(), QLabel::tr("told %1").arg(ago(link.told_at, now)));
+        .arg(colours().warn.name(), QLabel::tr("reported %1").arg(ago(link.told_at, now)));
 }
 
 /// "46 of 50 today, 900 of 1000 this month".

@@ -27,7 +27,7 @@ QString seal_text(const link_view& link, utc_time now) {
     auto words = !seal->verified_at ? coloured(t.warn, QLabel::tr("sealed, boat not verified yet"))
                  : age == "now"     ? QLabel::tr("sealed, boat verified now")
                                     : QLabel::tr("sealed, boat verified %1 ago").arg(age);
-    words += QLabel::tr(" · key %1, epoch %2").arg(text(seal->key)).arg(seal->epoch);
+    words += QLabel::tr(" · key %1, epoch %2").arg(text(seal->key).toHtmlEscaped(), QString::number(seal->epoch));
     if (seal->next_epoch) words += coloured(t.warn, QLabel::tr(" · changing to epoch %1").arg(*seal->next_epoch));
     if (seal->refused > 0) words += coloured(t.warn, QLabel::tr(" · %1 refused").arg(seal->refused));
     return words;

@@ -15,16 +15,11 @@
 #include <QTableWidget>
 #include <QVBoxLayout>
 
+#include <algorithm>
 #include <utility>
 
 namespace atirma::console {
 namespace {
-
-QColor colour_of(command_phase phase) {
-    const auto& t = colours();
-    if (phase == command_phase::done) return t.good;
-    return is_over(phase) ? t.bad : t.warn;
-}
 
 // The lines below the name of a telecommand.
 QString details_of(const command_entry& of) {
@@ -36,6 +31,12 @@ QString details_of(const command_entry& of) {
 }
 
 } // namespace
+
+const QColor& colour_of(command_phase phase) {
+    const auto& t = colours();
+    if (phase == command_phase::done) return t.good;
+    return is_over(phase) ? t.bad : t.warn;
+}
 
 QString phase_text(const command_entry& of, utc_time now) {
     auto words = text(std::string(name_of(of.phase)));
@@ -187,7 +188,7 @@ void present_list::show_snapshot(const snapshot& seen, utc_time now) {
     }
 }
 
-alarm_list::alarm_list(std::function<void(const std::string&)> acknowledge, QWidget* parent)
+alarm_list::alarm_list(std::function<bool(const std::string&)> acknowledge, QWidget* parent)
     : QWidget(parent), acknowledge_(std::move(acknowledge)) {
     auto* column = column_of(this);
     empty_ = new QLabel(tr("No alarms"), this);
@@ -206,9 +207,10 @@ alarm_list::alarm_list(std::function<void(const std::string&)> acknowledge, QWid
     log_->setColumnWidth(0, 76);
     log_->horizontalHeader()->setStretchLastSection(false);
     log_->horizontalHeader()->setSectionResizeMode(1, QHeaderView::Stretch);
-    log_->verticalHeader()->setSectionResizeMode(QHeaderView::ResizeToContents);
     log_->setColumnWidth(2, 112);
     log_->setWordWrap(true);
+    // Not ResizeToContents, which measures all rows again for each changed cell.
+    connect(log_->horizontalHeader(), &QHeaderView::sectionResized, this, [this] { measure_log(); });
     log_->setAccessibleName(tr("Log of alarms"));
     log_->hide();
     column->addWidget(log_, 1);
@@ -221,6 +223,8 @@ alarm_list::alarm_list(std::function<void(const std::string&)> acknowledge, QWid
         log_->setVisible(on);
         table_->setVisible(!on && !keys_.empty());
         empty_->setVisible(!on && keys_.empty());
+        if (on && !log_measured_) measure_log();
+        if (!on) table_->resizeRowsToContents();
     });
     line->addWidget(log_button_);
     auto* one = new QPushButton(tr("Acknowledge"), this);
@@ -232,12 +236,22 @@ alarm_list::alarm_list(std::function<void(const std::string&)> acknowledge, QWid
     line->addWidget(one);
     line->addWidget(all);
     column->addLayout(line);
+    connect(one, &QPushButton::pressed, this, [this] { pressed_ = chosen(); });
     connect(one, &QPushButton::clicked, this, [this] {
-        auto row = table_->currentRow();
-        if (row >= 0 && static_cast<std::size_t>(row) < keys_.size())
-            acknowledge_(keys_[static_cast<std::size_t>(row)]);
+        if (auto key = std::exchange(pressed_, {}); !key.empty()) acknowledge_(key);
     });
-    connect(all, &QPushButton::clicked, this, [this] { acknowledge_({}); });
+    connect(all, &QPushButton::clicked, this, &alarm_list::acknowledge_all);
+}
+
+std::string alarm_list::chosen() const {
+    auto row = table_->currentRow();
+    return row >= 0 && static_cast<std::size_t>(row) < keys_.size() ? keys_[static_cast<std::size_t>(row)]
+                                                                    : std::string();
+}
+
+void alarm_list::acknowledge_all() {
+    for (const auto& key : std::vector(open_))
+        if (!acknowledge_(key)) return;
 }
 
 void alarm_list::show_snapshot(const snapshot& seen, utc_time) {
@@ -246,10 +260,11 @@ void alarm_list::show_snapshot(const snapshot& seen, utc_time) {
     table_->setVisible(any && !log_button_->isChecked());
     empty_->setVisible(!any && !log_button_->isChecked());
     show_log(seen);
-    std::string chosen;
-    if (auto row = table_->currentRow(); row >= 0 && static_cast<std::size_t>(row) < keys_.size())
-        chosen = keys_[static_cast<std::size_t>(row)];
+    auto before = chosen();
+    bool still_there = std::ranges::any_of(seen.alarms, [&](const auto& one) { return one.key == before; });
+    if (!still_there) table_->setCurrentCell(-1, -1); // else another alarm would take its place
     keys_.clear();
+    open_.clear();
     table_->setRowCount(static_cast<int>(seen.alarms.size()));
     int row = 0;
     for (const auto& one : seen.alarms) {
@@ -261,25 +276,46 @@ void alarm_list::show_snapshot(const snapshot& seen, utc_time) {
                  : one.acknowledged ? tr("acknowledged")
                                     : tr("● now"),
                  one.over_at ? t.good : ink);
-        if (one.key == chosen) table_->setCurrentCell(row, 1);
+        if (one.key == before) table_->setCurrentCell(row, 1);
         keys_.push_back(one.key);
+        if (!one.acknowledged) open_.push_back(one.key);
         ++row;
     }
-    table_->resizeRowsToContents(); // shows the full text of an alarm
+    if (table_->isVisible()) table_->resizeRowsToContents(); // shows the full text of an alarm
 }
 
+/// Its rows as high as their words, which takes long for hundreds of them: not while nobody sees it.
+void alarm_list::measure_log() {
+    log_measured_ = log_->isVisible();
+    if (log_measured_) log_->resizeRowsToContents();
+}
+
+/// New events come at the top: the rows below move with their heights, and an event does not change.
 void alarm_list::show_log(const snapshot& seen) {
+    if (log_->isVisible() && !log_measured_) measure_log();
     if (!seen.alarm_log || logged_ == seen.alarm_log) return;
-    logged_ = seen.alarm_log;
+    auto before = std::exchange(logged_, seen.alarm_log);
+    auto many = static_cast<int>(logged_->size()), fresh = many;
+    if (before && !before->empty()) {
+        const auto& last = before->back();
+        int newer = 0;
+        for (auto it = logged_->rbegin(); it != logged_->rend() && it->number > last.number; ++it) ++newer;
+        // Else its component has started again, and counts from 1.
+        if (newer < many && (*logged_)[static_cast<std::size_t>(many - 1 - newer)].at == last.at) fresh = newer;
+    }
+    if (fresh < many)
+        for (int row = 0; row < fresh; ++row) log_->insertRow(0);
+    log_->setRowCount(many);
     const auto& t = colours();
-    log_->setRowCount(static_cast<int>(logged_->size()));
-    int row = 0;
-    for (auto it = logged_->rbegin(); it != logged_->rend(); ++it, ++row) {
-        bool grave = it->what == alarm_change::raised || it->what == alarm_change::more_severe;
-        auto ink = grave ? t.of(it->how) : t.ink2;
-        set_cell(log_, row, 0, clock_of(it->at), t.ink3, text(ise::iso_8601(it->at, 3)));
-        set_cell(log_, row, 1, text(it->text), ink);
-        set_cell(log_, row, 2, text(std::string(name_of(it->what))), t.ink2, text(std::string(name_of(it->how))));
+    log_measured_ = log_measured_ && log_->isVisible();
+    for (int row = 0; row < fresh; ++row) {
+        const auto& one = (*logged_)[static_cast<std::size_t>(many - 1 - row)];
+        bool grave = one.what == alarm_change::raised || one.what == alarm_change::more_severe;
+        auto ink = grave ? t.of(one.how) : t.ink2;
+        set_cell(log_, row, 0, clock_of(one.at), t.ink3, text(ise::iso_8601(one.at, 3)));
+        set_cell(log_, row, 1, text(one.text), ink);
+        set_cell(log_, row, 2, text(std::string(name_of(one.what))), t.ink2, text(std::string(name_of(one.how))));
+        if (log_measured_) log_->resizeRowToContents(row);
     }
 }
 

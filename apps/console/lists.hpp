@@ -1,6 +1,7 @@
 #pragma once
 #include <components/gui_client/view.hpp>
 
+#include <QColor>
 #include <QWidget>
 
 #include <functional>
@@ -35,6 +36,7 @@ private:
     utc_time shown_at_{};
 };
 
+const QColor& colour_of(command_phase phase);
 /// "queued, 42 s left".
 QString phase_text(const command_entry& of, utc_time now);
 
@@ -71,18 +73,27 @@ private:
 class alarm_list : public QWidget {
     Q_OBJECT
 public:
-    explicit alarm_list(std::function<void(const std::string& key)> acknowledge, QWidget* parent = nullptr);
+    /// `acknowledge` returns false if that is not possible now.
+    explicit alarm_list(std::function<bool(const std::string& key)> acknowledge, QWidget* parent = nullptr);
+    /// Those that are shown: one that comes meanwhile has not been read.
+    void acknowledge_all();
     void show_snapshot(const snapshot& seen, utc_time now);
 
 private:
     void show_log(const snapshot& seen);
+    void measure_log();
 
     QTableWidget *table_, *log_;
     QPushButton* log_button_;
     std::shared_ptr<const std::vector<alarm_event>> logged_;
+    bool log_measured_ = false; ///< its rows have their heights
     QLabel* empty_;
-    std::function<void(const std::string&)> acknowledge_;
-    std::vector<std::string> keys_;
+    std::string chosen() const;
+
+    std::function<bool(const std::string&)> acknowledge_;
+    std::vector<std::string> keys_; ///< of the rows
+    std::vector<std::string> open_; ///< of those that are not acknowledged
+    std::string pressed_;           ///< the chosen one when the button was pressed
 };
 
 } // namespace atirma::console

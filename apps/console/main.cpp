@@ -200,6 +200,7 @@ int run(const arguments& given, int count, char** words) {
     auto names = names_of(given, spaces);
     auto limits = limits_of(given, spaces, world);
     std::vector<std::shared_ptr<atirma::console::operator_port>> ports;
+    std::vector<std::string> paths;                            ///< of the components, by boat
     for (std::size_t boat = 0; boat < spaces.size(); ++boat) { // a component for each: no code there knows another boat
         auto own = options;
         own.space = spaces[boat];
@@ -209,8 +210,8 @@ int run(const arguments& given, int count, char** words) {
         own.outlets.boat = names[static_cast<int>(boat)].toStdString();
         own.port = std::make_shared<atirma::console::operator_port>();
         ports.push_back(own.port);
-        node.start<atirma::console::gui_client>(own.space + "/console/" + path_part(who), ise::component_options(),
-                                                own);
+        paths.push_back(own.space + "/console/" + path_part(who));
+        node.start<atirma::console::gui_client>(paths.back(), ise::component_options(), own);
     }
 
     atirma::console::window_options look;
@@ -238,8 +239,11 @@ int run(const arguments& given, int count, char** words) {
             auto reports = node.reports();
             for (; reported < reports.size(); ++reported) {
                 const auto& ended = reports[reported];
-                auto boat = spaces.size() == 1 ? std::string() : " (" + ended.path + ")";
-                window.say(QString::fromStdString(fmt::format("The connection has ended{}: {}", boat, ended.failure)));
+                auto boat = std::ranges::find(paths, ended.path);
+                if (boat == paths.end()) continue;
+                window.end_boat(
+                    static_cast<std::size_t>(boat - paths.begin()),
+                    QString::fromStdString(ended.failure.empty() ? "its component stopped" : ended.failure));
             }
         });
         watching.start(200);

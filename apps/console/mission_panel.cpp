@@ -16,6 +16,7 @@
 #include <QTableWidget>
 
 #include <initializer_list>
+#include <utility>
 
 namespace atirma::console {
 
@@ -55,9 +56,10 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     upload_->setObjectName("upload");
     upload_->setToolTip(tr("Held for a second, sends this list to the boat, reads it back and compares (Ctrl+U asks)"));
     upload_->setProperty("role", "primary");
-    auto* read = button("read_back", tr("Read back"), tr("Requests the boat's list (Ctrl+B)"));
+    read_ = button("read_back", tr("Read back"), tr("Requests the boat's list (Ctrl+B)"));
     take_over_ = button("take_over", tr("As on boat"), tr("Discards the edits"));
-    go_ = button("go", tr("Sail to"), tr("The boat sails to the selected waypoint of its own list"));
+    go_ =
+        button("go", tr("Sail to"), tr("The boat sails to the selected waypoint, where its own list has the same one"));
     cancel_ = button("cancel_upload", tr("Stop"), tr("Stops the upload after the telecommand in transit"));
     rows->addWidget(new_, 0, 0);
     rows->addWidget(edit_, 0, 1);
@@ -66,7 +68,7 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
     rows->addWidget(down_, 0, 4);
     rows->addWidget(undo_, 0, 5);
     rows->addWidget(upload_, 1, 0, 1, 2);
-    rows->addWidget(read, 1, 2);
+    rows->addWidget(read_, 1, 2);
     rows->addWidget(take_over_, 1, 3, 1, 2);
     rows->addWidget(go_, 1, 5);
     column->addLayout(rows);
@@ -100,7 +102,7 @@ mission_panel::mission_panel(mission_draft& draft, operator_actions& actions, QW
         actions_.upload(draft_.points(), seen_ ? seen_->mission.points : std::vector<waypoint>(), true);
     });
     connect(new_, &QPushButton::clicked, this, &mission_panel::begin_new);
-    connect(read, &QPushButton::clicked, this, [this] { actions_.give(commands::waypoint_read_back()); });
+    connect(read_, &QPushButton::clicked, this, [this] { actions_.give(commands::waypoint_read_back()); });
     connect(cancel_, &QPushButton::clicked, this, [this] { actions_.act(cancel_upload()); });
     connect(take_over_, &QPushButton::clicked, this, [this] {
         if (seen_) draft_.take_over(seen_->mission.points);
@@ -127,6 +129,10 @@ void mission_panel::begin_new() {
 
 void mission_panel::set_editing(bool on) {
     if (edit_->isChecked() != on) edit_->setChecked(on);
+}
+
+void mission_panel::allow_commands(bool allowed) {
+    if (std::exchange(allowed_, allowed) != allowed) fill_state();
 }
 
 void mission_panel::show_snapshot(std::shared_ptr<const snapshot> seen, utc_time now) {
@@ -156,9 +162,8 @@ void mission_panel::fill() {
         int row = static_cast<int>(i);
         bool here = i < points.size();
         const auto& at = here ? points[i] : boat[i];
-        auto leg = here && i > 0 ? QStringLiteral("%1 %2°")
-                                       .arg(distance_text(distance_m(points[i - 1], at)))
-                                       .arg(bearing_deg(points[i - 1], at), 3, 'f', 0, QLatin1Char('0'))
+        auto leg = here && i > 0 ? QStringLiteral("%1 %2").arg(distance_text(distance_m(points[i - 1], at)),
+                                                               bearing_text(bearing_deg(points[i - 1], at)))
                                  : QString();
         QString there = known ? tr("same") : tr("not known");
         if (known && all[i].what == difference::moved) there = tr("%1 away").arg(distance_text(all[i].moved_m));
@@ -212,9 +217,16 @@ void mission_panel::fill_state() {
     up_->setEnabled(chosen > 0);
     down_->setEnabled(chosen >= 0 && chosen + 1 < many);
     undo_->setEnabled(draft_.can_undo());
-    upload_->setEnabled(!runs);
+    bool nothing = draft_.points().empty() && !draft_.edited() && !known; // nobody has said that the list is empty
+    upload_->setEnabled(allowed_ && !runs && !nothing);
+    read_->setEnabled(allowed_);
+    cancel_->setEnabled(allowed_);
     take_over_->setEnabled(known && draft_.edited());
-    go_->setEnabled(known && chosen >= 0 && chosen < static_cast<int>(seen_->mission.points.size()));
+    // The command has the place in the boat's list: it must be the same waypoint there.
+    auto both = known ? compare(seen_->mission.points, draft_.points()) : std::vector<mission_difference>();
+    bool there = chosen >= 0 && static_cast<std::size_t>(chosen) < both.size() &&
+                 both[static_cast<std::size_t>(chosen)].what == difference::same;
+    go_->setEnabled(allowed_ && there);
     auto phase = seen_ ? seen_->upload.phase : upload_phase::none;
     cancel_->setVisible(runs);
     progress_->setVisible(runs);

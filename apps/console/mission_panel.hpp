@@ -22,6 +22,8 @@ public:
     mission_panel(mission_draft& draft, operator_actions& actions, QWidget* parent = nullptr);
     void show_snapshot(std::shared_ptr<const snapshot> seen, utc_time now);
     void set_editing(bool on);
+    /// False: the component has ended, and takes no commands any more.
+    void allow_commands(bool allowed);
     void forget() { fill(); } ///< the colours have changed
     /// An empty list, edited on the chart.
     void begin_new();
@@ -39,11 +41,11 @@ private:
     operator_actions& actions_;
     std::shared_ptr<const snapshot> seen_;
     utc_time now_{};
-    bool filling_ = false;
+    bool filling_ = false, allowed_ = true;
     QLabel *state_, *progress_text_;
     QProgressBar* progress_;
     QTableWidget* table_;
-    QPushButton *edit_, *upload_, *cancel_, *take_over_, *undo_, *remove_, *up_, *down_, *go_, *new_;
+    QPushButton *edit_, *upload_, *read_, *cancel_, *take_over_, *undo_, *remove_, *up_, *down_, *go_, *new_;
 };
 
 } // namespace atirma::console

@@ -55,7 +55,8 @@ void node_card::show_node(const node_view& node, utc_time now) {
     if (!s.trouble.empty())
         words +=
             QStringLiteral("<br><span style='color:%1'>%2</span>").arg(t.bad.name(), text(s.trouble).toHtmlEscaped());
-    if (!node.connected && node.told_at) words += tr("<br>told %1 ago").arg(text(age_text(age_s(now, *node.told_at))));
+    if (!node.connected && node.told_at)
+        words += tr("<br>reported %1 ago").arg(text(age_text(age_s(now, *node.told_at))));
     words_->setText(words);
 }
 

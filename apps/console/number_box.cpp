@@ -3,10 +3,21 @@
 #include <QStyle>
 #include <QWheelEvent>
 
+#include <algorithm>
+#include <cmath>
+
 namespace atirma::console {
+namespace {
+
+/// Without an exponent: "4294967295".
+QString digits(double value) {
+    return std::abs(value) < 1e6 ? QString::number(value, 'g', 7) : QString::number(value, 'f', 0);
+}
+
+} // namespace
 
 number_box::number_box(double low, double high, QWidget* parent) : QDoubleSpinBox(parent), low_(low), high_(high) {
-    setRange(-1e9, 1e9); // Qt would change what is beyond the range
+    setRange(std::min(-1e9, low), std::max(1e9, high)); // Qt would change what is beyond the range
     setButtonSymbols(QAbstractSpinBox::NoButtons);
     connect(this, &QDoubleSpinBox::valueChanged, this, &number_box::show_state);
 }
@@ -14,8 +25,7 @@ number_box::number_box(double low, double high, QWidget* parent) : QDoubleSpinBo
 QString number_box::trouble() const {
     if (good()) return {};
     auto unit = suffix();
-    return tr("%1 to %2%3, not %4")
-        .arg(QString::number(low_, 'g', 7), QString::number(high_, 'g', 7), unit, QString::number(value(), 'g', 7));
+    return tr("%1 to %2%3, not %4").arg(digits(low_), digits(high_), unit, digits(value()));
 }
 
 void number_box::mark_changed(bool changed) {

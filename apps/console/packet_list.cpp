@@ -28,10 +28,6 @@ packet_list::packet_list(QWidget* parent) : QWidget(parent) {
     details_->setAccessibleName(tr("Fields and bytes of the packet"));
     details_->setLineWrapMode(QPlainTextEdit::NoWrap);
     details_->setPlaceholderText(tr("Select a packet to see its fields and bytes"));
-    QFont fixed("DejaVu Sans Mono");
-    fixed.setPixelSize(10);
-    fixed.setStyleHint(QFont::Monospace);
-    details_->setFont(fixed);
     details_->setStyleSheet("font-family: 'DejaVu Sans Mono', monospace; font-size: 14px;");
     auto* split = new QSplitter(Qt::Vertical, this);
     split->addWidget(table_);

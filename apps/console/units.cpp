@@ -53,6 +53,10 @@ QString distance_text(double metres) {
     return value + " " + unit;
 }
 
+QString bearing_text(double degrees) {
+    return QStringLiteral("%1°").arg(std::fmod(std::round(degrees) + 360, 360), 3, 'f', 0, QLatin1Char('0'));
+}
+
 QString place_text(const waypoint& at) {
     if (used_units().place == place_format::decimal)
         return QStringLiteral("%1, %2")

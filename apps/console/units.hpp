@@ -28,6 +28,8 @@ QString speed_name();
 std::pair<QString, QString> distance_parts(double metres);
 /// "740 m", "1.25 nm", "2.31 km".
 QString distance_text(double metres);
+/// "007°"; 359.7 is 000°.
+QString bearing_text(double degrees);
 /// A place as text: 28° 09.180′ N  15° 26.880′ W, or 28.15300, −15.44800.
 QString place_text(const waypoint& at);
 

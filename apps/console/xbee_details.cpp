@@ -4,6 +4,7 @@
 #include "theme.hpp"
 
 #include <components/gui_client/freshness.hpp>
+#include <components/xbee/at_command.hpp>
 
 #include <QAbstractItemView>
 #include <QComboBox>
@@ -12,12 +13,6 @@
 #include <QProgressBar>
 
 namespace atirma::console {
-namespace {
-
-// The module's data sheet (components/xbee/at_command.cpp has the same table).
-constexpr const char* powers[] = {"0 · 1 mW", "1 · 23 mW", "2 · 100 mW", "3 · 158 mW", "4 · 316 mW"};
-
-} // namespace
 
 xbee_details::xbee_details(std::string path, operator_actions& actions, QWidget* parent) : link_details(parent) {
     auto* grid = new QGridLayout(this);
@@ -28,7 +23,8 @@ xbee_details::xbee_details(std::string path, operator_actions& actions, QWidget*
     power_->setObjectName("power of " + text(path));
     power_->setAccessibleName(tr("Transmit power"));
     power_->setToolTip(tr("Transmit power of the modem on shore"));
-    for (const char* name : powers) power_->addItem(name);
+    for (const auto& one : xbee::power_levels())
+        power_->addItem(QStringLiteral("%1 · %2").arg(one.level).arg(text(std::string(one.label))));
     connect(power_, &QComboBox::activated, this, [path, &actions](int level) {
         set_xbee_parameter set;
         set.path = path;

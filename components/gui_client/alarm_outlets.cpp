@@ -2,6 +2,7 @@
 
 #include <components/gui_client/track_store.hpp>
 
+#include <ise/core/readable.hpp>
 #include <ise/core/time_text.hpp>
 #include <ise/packet/json.hpp>
 
@@ -55,11 +56,8 @@ void alarm_outlets::take(const std::vector<alarm_event>& events) {
             continue;
         for (auto* to : {sender_ ? &mail_ : nullptr, client_ ? &hook_ : nullptr}) {
             if (!to) continue;
-            if (to->waiting.size() >= max_waiting) {
-                to->waiting.pop_front();
-                ++to->dropped;
-            }
-            to->waiting.push_back(one);
+            if (to->waiting.size() >= max_waiting) to->waiting.pop_front();
+            to->waiting.push_back({one, context_.self.now()});
         }
     }
 }
@@ -67,32 +65,33 @@ void alarm_outlets::take(const std::vector<alarm_event>& events) {
 ise::task<> alarm_outlets::run(outlet& of, bool mail) {
     auto& self = context_.self;
     ise::duration pause = first_pause;
-    ise::time_point since{};
     for (;;) {
         while (of.waiting.empty()) co_await self.sleep(poll);
-        std::vector<alarm_event> events(of.waiting.begin(), mail ? of.waiting.end() : of.waiting.begin() + 1);
-        if (since == ise::time_point{}) since = self.now();
+        std::vector<alarm_event> events;
+        for (const auto& one : of.waiting)
+            if (mail || events.empty()) events.push_back(one.event);
         ise::result<void> sent;
         if (mail) {
-            auto sending = send_mail(events);
+            auto sending = sender_->send(alarm_mail(options_, events));
             sent = co_await std::move(sending);
         } else {
             auto sending = post(events.front());
             sent = co_await std::move(sending);
         }
-        bool gives_up = !sent && (is_refusal(sent.error()) || self.now() - since > patience);
+        bool settled = sent || is_refusal(sent.error()), gives_up = false;
+        // Some may have been dropped meanwhile: those that were sent are the oldest that are still there.
+        auto is_over = [&](const pending& one) {
+            return settled ? one.event.number <= events.back().number : self.now() - one.since > patience;
+        };
+        for (; !of.waiting.empty() && is_over(of.waiting.front()); of.waiting.pop_front()) gives_up = !sent;
         context_.state.on_outlet(of.key,
                                  sent ? std::string()
                                       : fmt::format("An alarm was not sent by {}: {}{}", of.called,
                                                     sent.error().message(), gives_up ? "; it is given up" : ""),
                                  context_.clock());
         context_.news();
-        if (sent || gives_up) {
-            // Some may have been dropped meanwhile: those that were sent are the oldest that are still there.
-            for (const auto& one : events)
-                if (!of.waiting.empty() && of.waiting.front().number <= one.number) of.waiting.pop_front();
+        if (settled) {
             pause = first_pause;
-            since = {};
             continue;
         }
         co_await self.sleep(pause);
@@ -100,21 +99,21 @@ ise::task<> alarm_outlets::run(outlet& of, bool mail) {
     }
 }
 
-ise::task<ise::result<void>> alarm_outlets::send_mail(std::vector<alarm_event> events) {
+mail_message alarm_mail(const alarm_outlet_options& options, const std::vector<alarm_event>& events) {
     auto worst = std::max_element(events.begin(), events.end(), [](const auto& a, const auto& b) {
         return std::pair(a.what != alarm_change::over, a.how) < std::pair(b.what != alarm_change::over, b.how);
     });
     mail_message mail;
-    mail.from = options_.mail_from;
-    mail.to = options_.mail_to;
-    mail.subject = fmt::format("{}: {} {}", options_.boat,
-                               worst->what == alarm_change::over ? "over:" : upper(name_of(worst->how)), worst->text);
+    mail.from = options.mail_from;
+    mail.to = options.mail_to;
+    mail.subject = ise::readable(fmt::format("{}: {} {}", options.boat,
+                                             worst->what == alarm_change::over ? "over:" : upper(name_of(worst->how)),
+                                             worst->text));
     for (const auto& one : events)
-        mail.text +=
-            fmt::format("{}  {}, {}: {}\n", ise::iso_8601(one.at, 3), name_of(one.how), name_of(one.what), one.text);
+        mail.text += fmt::format("{}  {}, {}: {}\n", ise::iso_8601(one.at, 3), name_of(one.how), name_of(one.what),
+                                 ise::readable(one.text));
     mail.text += "\nAcknowledge it in the console.\n";
-    auto sending = sender_->send(std::move(mail));
-    co_return co_await std::move(sending);
+    return mail;
 }
 
 ise::task<ise::result<void>> alarm_outlets::post(alarm_event event) {

@@ -22,9 +22,13 @@ struct alarm_outlet_options {
     std::string hook_url;
 };
 
+/// The mail about these events, at least one. What boat or proxies put into their texts is escaped (`ise::readable`).
+mail_message alarm_mail(const alarm_outlet_options& options, const std::vector<alarm_event>& events);
+
 /// Sends alarms by mail and to a web hook. What waits goes in one mail; the hook gets a POST with JSON for each. A
-/// failure is repeated with exponential back-off (5 s to 5 min) for an hour, and is an alarm of its own, `outlet:mail`
-/// or `outlet:hook`, which stays here. Bounded: 100 events each, the oldest is dropped.
+/// failure is repeated with exponential back-off (5 s to 5 min), and is an alarm of its own, `outlet:mail` or
+/// `outlet:hook`, which stays here. An event that waited for an hour is given up. Bounded: 100 events each, the oldest
+/// is dropped.
 class alarm_outlets {
 public:
     static constexpr std::size_t max_waiting = 100;
@@ -36,14 +40,16 @@ public:
     void take(const std::vector<alarm_event>& events);
 
 private:
+    struct pending {
+        alarm_event event;
+        ise::time_point since; ///< it waits
+    };
     struct outlet {
         std::string key;    ///< "outlet:mail"
         std::string called; ///< "mail"
-        std::deque<alarm_event> waiting;
-        std::uint64_t dropped = 0;
+        std::deque<pending> waiting;
     };
     ise::task<> run(outlet& of, bool mail);
-    ise::task<ise::result<void>> send_mail(std::vector<alarm_event> events);
     ise::task<ise::result<void>> post(alarm_event event);
 
     client_context& context_;

@@ -41,7 +41,9 @@ void watch_boat(alarm_book& alarms, const alarm_causes& causes, utc_time now) {
         const auto* low = alarms.find("battery");
         bool was_low = low && !low->over_at;
         bool is_low = p.battery_percent < limits.battery_low_percent + (was_low ? 5 : 0); // hysteresis
-        auto how = p.battery_percent < limits.battery_critical_percent ? severity::critical : severity::warning;
+        bool was_critical = was_low && low->how == severity::critical;
+        auto how = p.battery_percent < limits.battery_critical_percent + (was_critical ? 5 : 0) ? severity::critical
+                                                                                                : severity::warning;
         alarms.set("battery", is_low, how,
                    fmt::format("The battery is low: {} %, {:.1f} V", p.battery_percent, p.battery_v), now);
         alarms.set("faults", p.faults != 0, severity::warning, fmt::format("The boat reports faults: {:04X}", p.faults),

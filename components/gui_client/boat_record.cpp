@@ -21,10 +21,27 @@ bool boat_record::on_message(const telemetry_message& message, const telemetry_p
 }
 
 bool boat_record::take(const navigation& result, const telemetry_packet& packet, utc_time now) {
-    bool other = !view_.sailing || view_.sailing->value.mode != result.mode;
+    auto before = view_.sailing;
     if (!take_newer(view_.sailing, result, packet, now)) return false;
-    if (other) view_.mode_since = view_.sailing->measured_at;
+    auto measured = view_.sailing->measured_at;
+    if (!before || before->value.mode != result.mode) mode_first_ = measured;
+    if (before && before->value.mode != result.mode) other_last_ = before->measured_at;
+    if (result.remote_control || (before && before->value.remote_control)) remote_ = measured;
+    count_mode();
     return true;
+}
+
+void boat_record::on_mode_set(utc_time executed_at) {
+    mode_set_ = std::max(mode_set_, executed_at);
+    count_mode();
+}
+
+/// The boat counts the time of Heading and Manual from the order, also one that renews it, and from the end of remote
+/// control.
+void boat_record::count_mode() {
+    if (!view_.sailing) return;
+    bool ordered = mode_set_ != utc_time() && mode_set_ >= other_last_; // else the boat changed it by itself
+    view_.mode_since = std::max(ordered ? mode_set_ : mode_first_, remote_);
 }
 
 bool boat_record::take(const location& result, const telemetry_packet& packet, utc_time now) {
@@ -48,9 +65,10 @@ bool boat_record::take(const notice& result, const telemetry_packet& packet, utc
 }
 
 std::optional<std::uint16_t> boat_record::on_boot(const telemetry_packet& packet) {
-    if (packet.history || packet.boot == beacon_boot || boot_ == packet.boot || packet.measured_at < boot_measured_)
+    auto measured = plausible_time(packet); // one from the future would hide all later starts
+    if (packet.history || packet.boot == beacon_boot || boot_ == packet.boot || measured < boot_measured_)
         return std::nullopt;
-    boot_measured_ = packet.measured_at;
+    boot_measured_ = measured;
     return std::exchange(boot_, packet.boot);
 }
 

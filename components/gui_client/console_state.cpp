@@ -38,7 +38,7 @@ void console_state::on_telemetry(const std::string& path, const telemetry_packet
     if (!link->all_links) count(*link, packet, first, now);
     // A packet of the nodes' record counts from when it came to the shore, not from when this console asked for it.
     bool kept = link->all_links && now - packet.received_at > just_now;
-    if (first) take(*message, packet, kept ? packet.received_at : now);
+    if (first) take(*message, packet, kept ? packet.received_at : now, kept);
 }
 
 void console_state::count_recorded(link_view& role, const telemetry_packet& packet, utc_time now) {
@@ -64,9 +64,9 @@ void console_state::count(link_view& link, const telemetry_packet& packet, bool 
     if (!first) ++link.duplicates;
 }
 
-void console_state::take(const telemetry_message& message, const telemetry_packet& packet, utc_time now) {
+void console_state::take(const telemetry_message& message, const telemetry_packet& packet, utc_time now, bool kept) {
     auto boot_before = boat_.on_boot(packet);
-    if (boot_before && now != packet.received_at) // else it is old, and comes from the record
+    if (boot_before && !kept)
         alarms_.tell("boot", severity::warning,
                      fmt::format("The boat has started again (boot {}, before {})", packet.boot, *boot_before), now);
     bool newest = boat_.on_message(message, packet, now);
@@ -81,7 +81,7 @@ void console_state::take(const telemetry_message& message, const telemetry_packe
         point.boot = packet.boot;
         track_.add(point);
     } else if (const auto* part = std::get_if<waypoints>(&message.body)) {
-        if (!packet.history) mission_.take(packet.boot, *part, now);
+        if (!packet.history) mission_.take(packet.boot, *part, plausible_time(packet), now);
     } else if (const auto* c = std::get_if<configuration>(&message.body)) {
         if (newest) parameters_.on_settings(*c, now);
     }
@@ -96,6 +96,8 @@ void console_state::on_status(const std::string& path, const telecommand_status&
     const auto& entry = commands_.on_status(path, status, now);
     if (!link->all_links && status.link == link_id::iridium && entry.attempts > attempts)
         link->credits += entry.attempts - attempts; // a telecommand is shorter than a credit's bytes
+    if (status.kind == command_kind::set_mode && entry.phase == command_phase::done && entry.executed_at)
+        on_mode_set(std::min(now, *entry.executed_at));
     if (is_over(entry.phase)) parameters_.on_settled(entry.id, entry.phase, entry.value, entry.text, now);
 }
 
@@ -132,6 +134,7 @@ void console_state::on_present(std::vector<present_component> all) {
 bool console_state::on_time(utc_time now) {
     apply_alarm_rules(alarms_, alarm_causes{options_.limits, finding_, boat_.view(), links_, nodes_}, now);
     course_.apply(alarms_, boat_.view(), mission_.view(), now);
+    watch_authority(now);
     watch_requests(now);
     auto alarms = alarms_.list();
     const auto* calls = bell_.update(alarms, now);

@@ -13,6 +13,7 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 
 namespace atirma::console {
 
@@ -47,7 +48,7 @@ public:
     void takes_commands(const std::string& path);
     /// `path` is the role of the communication nodes: its packets came over any link, at any time in the past.
     void stands_for_all(const std::string& path);
-    /// A communication node reports its state; `told` null: only whether it is reached.
+    /// A communication node reports its state; `result` null: only whether it is reached.
     void on_node(const std::string& path, bool connected, std::string trouble, const communication_state* result,
                  utc_time now);
     void on_authority(const authority_state& result, utc_time now);
@@ -58,6 +59,8 @@ public:
     void asked(std::uint32_t id, const std::string& path, const boat_command& command, utc_time now,
                std::optional<utc_time> valid_until = std::nullopt);
     void on_executed(std::uint32_t id, utc_time at) { commands_.on_executed(id, at); }
+    /// The boat has executed a set_mode.
+    void on_mode_set(utc_time at) { boat_.on_mode_set(at); }
     void on_called_back(std::uint32_t id, std::string text) { commands_.on_called_back(id, std::move(text)); }
     void on_outcome(std::uint32_t id, command_phase phase, std::optional<float> value, std::string text, utc_time now);
     /// A change of the authority was requested, or is decided; `problem`: why it was refused.
@@ -91,7 +94,10 @@ private:
     link_view* link_at(const std::string& path);
     void count(link_view& link, const telemetry_packet& packet, bool first, utc_time now);
     void count_recorded(link_view& role, const telemetry_packet& packet, utc_time now);
-    void take(const telemetry_message& message, const telemetry_packet& packet, utc_time now);
+    /// `kept`: it is old, and comes from the nodes' record.
+    void take(const telemetry_message& message, const telemetry_packet& packet, utc_time now, bool kept);
+    void take_authority(const authority_state& result, utc_time now);
+    void watch_authority(utc_time now);
     void watch_requests(utc_time now);
     bool has_gone(const std::string& console) const;
 
@@ -104,6 +110,12 @@ private:
     std::map<std::string, link_view> links_;
     std::map<std::string, node_view> nodes_;
     authority_view authority_;
+    /// One with an epoch below the known one, and since when only such ones come.
+    struct lower_authority {
+        authority_state state;
+        utc_time since{};
+    };
+    std::optional<lower_authority> lower_;
     std::map<std::string, duplicate_filter> heard_over_; ///< by path: a packet is counted once on each link
     duplicate_filter seen_;
     alarm_book alarms_;

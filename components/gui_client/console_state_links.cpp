@@ -8,6 +8,9 @@
 
 // The links to the boat: proxies, communication nodes, and the authority.
 namespace atirma::console {
+namespace {
+constexpr auto lag_of_nodes = std::chrono::seconds(30);
+} // namespace
 
 link_view* console_state::link_at(const std::string& path) {
     auto found = links_.find(path);
@@ -86,8 +89,23 @@ void console_state::on_node(const std::string& path, bool connected, std::string
 }
 
 void console_state::on_authority(const authority_state& result, utc_time now) {
-    // After a fail-over the other node may not know the newest change yet.
-    if (authority_.known && result.epoch < authority_.state.epoch) return;
+    if (authority_.known && result.epoch < authority_.state.epoch) {
+        lower_ = lower_authority{result, lower_ ? lower_->since : now};
+        return;
+    }
+    take_authority(result, now);
+}
+
+/// After a fail-over the other node may not know the newest change yet. If nothing higher comes for a while, the nodes
+/// have begun anew.
+void console_state::watch_authority(utc_time now) {
+    if (!lower_ || now - lower_->since < lag_of_nodes) return;
+    auto result = lower_->state;
+    take_authority(result, now);
+}
+
+void console_state::take_authority(const authority_state& result, utc_time now) {
+    lower_.reset();
     bool was_mine = authority_.mine();
     authority_.known = true;
     authority_.state = result;

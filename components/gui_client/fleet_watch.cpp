@@ -12,11 +12,18 @@ namespace atirma::console {
 fleet_watch::fleet_watch(std::vector<std::string> names) {
     if (names.empty()) throw std::invalid_argument("a fleet has at least one boat");
     auto nothing = operator_port().latest();
-    for (auto& name : names) boats_.push_back({std::move(name), nothing});
+    for (auto& name : names) boats_.push_back({std::move(name), nothing, {}});
 }
 
 void fleet_watch::take(std::size_t boat, std::shared_ptr<const snapshot> seen) {
     if (seen) boats_.at(boat).seen = std::move(seen);
+}
+
+std::optional<std::size_t> fleet_watch::first_ended(std::size_t shown) const {
+    if (!ended(shown).empty()) return shown;
+    auto first = std::ranges::find_if(boats_, [](const watched& one) { return !one.ended.empty(); });
+    if (first == boats_.end()) return std::nullopt;
+    return static_cast<std::size_t>(first - boats_.begin());
 }
 
 std::optional<fleet_call> fleet_watch::next_call() {
@@ -50,7 +57,7 @@ std::vector<fleet_alarm> fleet_watch::open_alarms(std::size_t shown) const {
     std::vector<fleet_alarm> made;
     for (std::size_t place = 0; place < boats_.size(); ++place)
         for (const auto& one : boats_[place].seen->alarms)
-            if (!one.acknowledged) made.push_back({place, one});
+            if (!one.acknowledged && boats_[place].ended.empty()) made.push_back({place, one});
     std::ranges::stable_sort(made, [shown](const fleet_alarm& a, const fleet_alarm& b) {
         return std::tuple(b.alarm.how, a.boat != shown, b.alarm.raised_at) <
                std::tuple(a.alarm.how, b.boat != shown, a.alarm.raised_at);

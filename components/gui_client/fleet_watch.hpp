@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace atirma::console {
@@ -42,13 +43,20 @@ public:
     const std::shared_ptr<const snapshot>& seen(std::size_t boat) const { return boats_.at(boat).seen; }
     void take(std::size_t boat, std::shared_ptr<const snapshot> seen);
 
+    /// The component of that boat has ended, for good: nothing newer comes.
+    void end(std::size_t boat, std::string why) { boats_.at(boat).ended = std::move(why); }
+    /// Why; empty: it runs.
+    const std::string& ended(std::size_t boat) const { return boats_.at(boat).ended; }
+    /// A boat whose component has ended, `shown` before the others.
+    std::optional<std::size_t> first_ended(std::size_t shown) const;
+
     /// The most severe call since the last one; of equal ones that of the first boat. The others count as heard: they
     /// sound at the same time.
     std::optional<fleet_call> next_call();
     /// The events of the alarms of all boats since the last call of this, in the order of time.
     std::vector<fleet_event> take_events();
     /// The unacknowledged alarms of all boats: the most severe first, of equal ones those of the boat `shown`, then the
-    /// newest.
+    /// newest. Without those of a boat whose component has ended: nobody can acknowledge them.
     std::vector<fleet_alarm> open_alarms(std::size_t shown) const;
     /// "boat-2: The battery is low"; the text alone where there is one boat.
     std::string labelled(std::size_t boat, const std::string& text) const;
@@ -57,6 +65,7 @@ private:
     struct watched {
         std::string name;
         std::shared_ptr<const snapshot> seen;
+        std::string ended;
         std::uint64_t calls_heard = 0, events_taken = 0;
     };
     std::vector<watched> boats_;

@@ -29,7 +29,7 @@ std::string leg_trouble(const leg_context& now, const std::vector<waypoint>& lis
 /// A place before the active waypoint.
 std::string leg_trouble(const leg_context& now, const waypoint& place);
 
-/// "crosses land…: send it again with the override": the refusal of a command without one.
+/// "not sent: the leg … crosses land…; it takes an override": the refusal of a command without one.
 std::string needs_override(const std::string& trouble);
 
 } // namespace atirma::console

@@ -67,12 +67,16 @@ std::string describe_differences(const std::vector<waypoint>& on_boat, const std
     return text.empty() ? "no difference" : text;
 }
 
-bool mission_parts::take(std::uint16_t boot, const waypoints& part, utc_time now) {
-    if (boot != boot_ || part.revision != view_.revision || part.count != view_.count) parts_.clear();
+bool mission_parts::take(std::uint16_t boot, const waypoints& part, utc_time measured_at, utc_time now) {
+    bool other = boot != boot_ || part.revision != view_.revision || part.count != view_.count;
+    bool late = view_.told_at && measured_at < newest_;
+    if (other && late) return false;
+    if (other) parts_.clear();
     boot_ = boot;
     auto was_complete = view_.complete;
     view_.revision = part.revision;
-    view_.active = part.active;
+    if (!late) view_.active = part.active;
+    newest_ = std::max(newest_, measured_at);
     view_.count = part.count;
     for (std::size_t i = 0; i < part.entries.size() && part.first + i < part.count; ++i)
         parts_[part.first + i] = entry{part.entries[i], now};

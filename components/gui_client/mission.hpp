@@ -34,8 +34,9 @@ std::string describe_differences(const std::vector<waypoint>& on_boat, const std
 /// after a restart of the boat, are not mixed. Pure.
 class mission_parts {
 public:
-    /// True if the view has changed.
-    bool take(std::uint16_t boot, const waypoints& part, utc_time now);
+    /// True if the view has changed. A part that comes late (measured before the newest one), of another revision or
+    /// from before a restart, is ignored: the boat has another list by now.
+    bool take(std::uint16_t boot, const waypoints& part, utc_time measured_at, utc_time now);
     const mission_view& view() const noexcept { return view_; }
     /// Whether the whole list has been reported again since then.
     bool complete_since(utc_time then) const noexcept {
@@ -48,6 +49,7 @@ private:
         utc_time told_at{};
     };
     std::uint16_t boot_ = 0;
+    utc_time newest_{}; ///< measured
     std::map<std::size_t, entry> parts_;
     mission_view view_;
 };

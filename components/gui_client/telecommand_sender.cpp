@@ -132,9 +132,10 @@ ise::task<command_phase> telecommand_sender::repeat(std::string to, telecommand_
         auto answer = co_await provider.try_call(service, request, deadline);
         if (answer) {
             if (answer->executed_at) context_.state.on_executed(request.id, *answer->executed_at);
-            if (is_final(answer->state))
-                co_return settle(request.id, command_log::phase_of(answer->state, answer->result), answer->text,
-                                 answer->value);
+            auto phase = command_log::phase_of(answer->state, answer->result);
+            if (phase == command_phase::done && answer->executed_at && request.command.kind() == command_kind::set_mode)
+                context_.state.on_mode_set(*answer->executed_at);
+            if (is_final(answer->state)) co_return settle(request.id, phase, answer->text, answer->value);
             may_be_executed = true;
         } else {
             const auto& why = answer.error();

@@ -31,7 +31,9 @@ struct boat_view {
     report_rhythm rhythm;                                            ///< how often it reports over each link
     /// The newest position is the second controller's: the main one or its power fails.
     bool on_beacon() const noexcept { return position && position->boot == beacon_boot; }
-    std::optional<utc_time> mode_since; ///< measured: the first report of the present mode that came here
+    /// When the present mode was set, renewed, or got the helm back from the remote control; measured where no
+    /// telecommand says it: the first report of the mode that came here.
+    std::optional<utc_time> mode_since;
 };
 
 struct track_point {

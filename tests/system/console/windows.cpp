@@ -1,6 +1,10 @@
 // The windows of the console, driven as an operator does.
 #include "desk.hpp"
 
+#include <apps/console/chart_viewport.hpp>
+#include <apps/console/theme.hpp>
+#include <apps/console/units.hpp>
+
 #include <QComboBox>
 #include <QStatusBar>
 
@@ -55,6 +59,84 @@ TEST_CASE("console windows: a mode lights up when the boat says so, not when it 
     it.show();
     CHECK(hold.isChecked());
     CHECK_FALSE(automatic.isChecked());
+}
+
+TEST_CASE("console windows: a mode that nothing newer confirms is shown with its age, and lights no button") {
+    desk it;
+    auto& automatic = it.find("mode_2");
+    auto& mode = it.find<QLabel>("mode");
+    CHECK(mode.text() == "Auto");
+    it.now += 20s; // ageing
+    it.show();
+    CHECK(automatic.isChecked());
+    it.now += 10min;
+    it.show();
+    CHECK_FALSE(automatic.isChecked());
+    CHECK(mode.text() == "Auto? 10 min");
+    CHECK(mode.toolTip().contains("10 min ago"));
+    CHECK(mode.styleSheet().contains(colours().warn.name()));
+    CHECK(QFontMetrics(mode.font()).horizontalAdvance("Heading? 10 min") <= mode.width());
+    it.picture("stale-mode");
+    navigation n;
+    n.mode = sailing_mode::automatic;
+    it.hear(n);
+    it.show();
+    CHECK(automatic.isChecked());
+    CHECK(mode.text() == "Auto");
+    talker second;
+    second.boot = beacon_boot;
+    it.state.on_telemetry(iridium_path, second.say(at(28.155, -15.452), it.now - 200ms, link_id::iridium), it.now);
+    it.show();
+    CHECK(mode.text() == "mode not known");
+    CHECK_FALSE(automatic.isChecked());
+}
+
+TEST_CASE("console windows: a double click and a key that is held send a command once") {
+    desk it;
+    auto usual = QApplication::doubleClickInterval();
+    QApplication::setDoubleClickInterval(3'600'000);
+    it.find("do_tack").click();
+    it.find("do_tack").click();
+    CHECK(it.actions.size() == 1);
+    it.find("do_ping").click(); // another one goes at once
+    CHECK(it.actions.size() == 2);
+    QApplication::setDoubleClickInterval(0); // it is over
+    it.find("do_ping").click();
+    CHECK(it.actions.size() == 3);
+    QApplication::setDoubleClickInterval(usual);
+    for (auto* each : it.window->findChildren<QAction*>()) {
+        if (each->shortcut().isEmpty()) continue;
+        INFO(each->text().toStdString());
+        bool zooms = each->shortcut() == QKeySequence("+") || each->shortcut() == QKeySequence("-");
+        CHECK(each->autoRepeat() == zooms);
+    }
+}
+
+TEST_CASE("console windows: the time of arrival does not move away while nothing newer comes") {
+    desk it;
+    auto& eta = it.find<value_tile>("eta");
+    auto told = [&] { return eta.accessibleDescription().section(',', 0, 0); };
+    auto before = told();
+    REQUIRE(before.contains(':'));
+    it.now += 3min;
+    it.show();
+    CHECK(told() == before);
+}
+
+TEST_CASE("console windows: north is 000°, and places on both sides of 180° are neighbours") {
+    CHECK(bearing_text(359.7) == "000°");
+    CHECK(bearing_text(7.2) == "007°");
+    chart_viewport view;
+    view.projection.size = {600, 400};
+    view.fit({{-17, 179.9}, {-17, -179.9}});
+    CHECK(std::abs(view.projection.centre.longitude_deg) == Approx(180));
+    CHECK(view.projection.metres_per_pixel < 200);
+    auto west = view.projection.to_pixels({-17, 179.9}), east = view.projection.to_pixels({-17, -179.9});
+    CHECK(west.x() < 300);
+    CHECK(east.x() > 300);
+    CHECK(east.x() - west.x() < 600);
+    CHECK(view.projection.to_place(east).longitude_deg == Approx(-179.9)); // a click there is a valid waypoint
+    CHECK(view.projection.to_place(west).longitude_deg == Approx(179.9));
 }
 
 TEST_CASE("console windows: commands go over the link that was chosen") {
@@ -134,6 +216,44 @@ TEST_CASE("console windows: waypoints are edited by mouse, taken back, and uploa
     it.find("take_over").click();
     CHECK(draft.points() == course);
     CHECK_FALSE(draft.edited());
+}
+
+TEST_CASE("console windows: \"Sail to\" is offered where the boat's list has the same waypoint") {
+    desk it;
+    auto& draft = it.window->draft();
+    draft.select(2);
+    CHECK(it.find("go").isEnabled());
+    draft.insert(1, {28.1570, -15.4500}); // then the third here is the second there
+    draft.select(2);
+    CHECK_FALSE(it.find("go").isEnabled());
+    draft.select(3);
+    CHECK_FALSE(it.find("go").isEnabled());
+    draft.select(0);
+    REQUIRE(it.find("go").isEnabled());
+    it.find("go").click();
+    REQUIRE(it.last<give_command>());
+    CHECK(it.last<give_command>()->command == boat_command(commands::waypoint_select{0}));
+}
+
+TEST_CASE("console windows: an empty list clears the boat's only after the question") {
+    desk none(false);
+    CHECK_FALSE(none.find("upload").isEnabled()); // no list is known, and none was made
+    desk it;
+    it.window->draft().clear();
+    auto& upload = it.find("upload");
+    REQUIRE(upload.isEnabled());
+    it.answer_next("");
+    Q_EMIT upload.clicked(); // as after a second
+    CHECK(it.asked.contains("Clear the boat's list"));
+    CHECK(it.actions.empty());
+    it.answer_next("Hold to send");
+    Q_EMIT upload.clicked();
+    REQUIRE(it.last<upload_mission>());
+    CHECK(it.last<upload_mission>()->points.empty());
+    it.window->draft().insert(0, course[0]);
+    it.actions.clear();
+    Q_EMIT upload.clicked(); // holding is the confirmation
+    REQUIRE(it.last<upload_mission>());
 }
 
 TEST_CASE("console windows: a waypoint is moved in the table, and nonsense is not taken") {

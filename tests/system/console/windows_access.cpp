@@ -201,7 +201,7 @@ TEST_CASE("console windows: each link tells what only its kind has, and what is 
     it.now += 60s;
     it.show();
     CHECK(words("gprs_way").contains("not there"));
-    CHECK(words("gprs_way").contains("told 60 s ago"));
+    CHECK(words("gprs_way").contains("reported 60 s ago"));
 }
 
 TEST_CASE("console windows: an apparent wind that belongs to another heading is not shown as the present one") {

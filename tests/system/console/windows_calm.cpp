@@ -13,6 +13,7 @@
 #include <QElapsedTimer>
 #include <QFile>
 #include <QHeaderView>
+#include <QMenuBar>
 #include <QTabBar>
 #include <QTabWidget>
 #include <QTemporaryDir>
@@ -122,6 +123,12 @@ TEST_CASE("console windows: no message, alarm, mode, age or upload moves anythin
 
 TEST_CASE("console windows: at 1024 x 600 every button can be read, and no text is smaller than 14 pixels") {
     desk it(true, {1024, 600});
+    auto* menus = it.window->menuBar();
+    for (auto* each : menus->actions()) {
+        INFO("menu " << each->text().toStdString());
+        CHECK(menus->rect().contains(menus->actionGeometry(each)));
+        CHECK(menus->actionGeometry(each).width() > 10);
+    }
     auto& tabs = it.find<QTabWidget>("tabs");
     for (int place = 0; place < tabs.count(); ++place) {
         tabs.setCurrentIndex(place);
@@ -263,6 +270,7 @@ TEST_CASE("console windows: values that do not apply show a dash") {
     CHECK(it.find<value_tile>("sog").value() == "0.0");
     CHECK(it.find<QLabel>("mode").text() == "Heading · 15 min");
     it.now += 890s;
+    it.hear(n);
     it.show();
     CHECK(it.find<QLabel>("mode").text().startsWith("Heading · "));
     CHECK(it.find<QLabel>("mode").text().endsWith(" s"));
@@ -330,6 +338,39 @@ TEST_CASE("console windows: an alarm is played by a program, again as it calls, 
     CHECK(said.contains("only the bell rings"));
     CHECK(alarm_wave(severity::critical).startsWith("RIFF"));
     CHECK(alarm_wave(severity::critical).size() > alarm_wave(severity::warning).size());
+}
+
+TEST_CASE("console windows: a player that hangs silences no alarm, and a graver alarm replaces the sound of another") {
+    QTemporaryDir folder;
+    auto played = folder.filePath("played"), player = folder.filePath("player");
+    QFile script(player);
+    REQUIRE(script.open(QIODevice::WriteOnly));
+    script.write("#!/bin/sh\nbasename \"$1\" >>\"" + played.toUtf8() + "\"\nexec sleep 600\n");
+    script.close();
+    script.setPermissions(QFile::ReadOwner | QFile::WriteOwner | QFile::ExeOwner);
+    auto content = [&] {
+        QFile file(played);
+        return file.open(QIODevice::ReadOnly) ? file.readAll() : QByteArray();
+    };
+    alarm_sound sound(player, nullptr, 1h);
+    sound.play(severity::warning);
+    wait_for([&] { return !content().isEmpty(); });
+    sound.play(severity::notice);
+    sound.play(severity::warning);
+    CHECK(content() == "alarm-1.wav\n");
+    sound.play(severity::critical);
+    wait_for([&] { return content().contains("alarm-2"); });
+    CHECK(content() == "alarm-1.wav\nalarm-2.wav\n");
+    CHECK(sound.playing());
+    QString said;
+    alarm_sound hangs(player, nullptr, 1ms);
+    QObject::connect(&hangs, &alarm_sound::failed, [&](const QString& why) { said = why; });
+    hangs.play(severity::critical);
+    wait_for([&] { return !said.isEmpty(); });
+    CHECK(said.contains("does not end"));
+    CHECK_FALSE(hangs.playing());
+    hangs.play(severity::notice); // the next alarm is tried again
+    CHECK(hangs.playing());
 }
 
 TEST_CASE("console windows: a route goes out as GPX and comes back, and what is none is refused with its line") {

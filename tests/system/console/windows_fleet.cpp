@@ -187,6 +187,7 @@ TEST_CASE("console fleet: an alarm of a boat that is not shown is told with its 
     while (!QFile::exists(folder.filePath("played")) && since.elapsed() < 60'000)
         QApplication::processEvents(QEventLoop::AllEvents, 20);
     CHECK(QFile::exists(folder.filePath("played")));
+    it.now += 1s;
     it.find("acknowledge_first").click();
     REQUIRE(it.last<acknowledge_alarm>());
     CHECK(it.last<acknowledge_alarm>()->key == "battery");
@@ -196,6 +197,30 @@ TEST_CASE("console fleet: an alarm of a boat that is not shown is told with its 
     QApplication::processEvents();
     CHECK(it.window->shown_boat() == 1);
     CHECK(it.find<QTabWidget>("tabs").currentWidget()->property("tab").toString() == "alarms");
+}
+
+TEST_CASE(
+    "console fleet: a boat whose component has ended is marked beside the alarms of the others, and gets nothing") {
+    fleet_desk it;
+    it.window->show_tab("fleet");
+    it.window->end_boat(2, "its name was lost");
+    it.show_all();
+    auto strip = [&] { return it.find<QLabel>("alarm_text").text(); };
+    CHECK(strip().startsWith("boat-3: The console has ended"));
+    CHECK(it.cell(2, 1) == "● ended");
+    CHECK(it.find("do_tack").isEnabled()); // the shown boat is followed
+    it.low_battery();
+    it.show_all();
+    CHECK(strip().contains("boat-2: The battery is low"));
+    CHECK(strip().contains("boat-3: The console has ended"));
+    CHECK(it.find("acknowledge_first").isVisible());
+    it.window->show_boat(2);
+    it.show_all();
+    CHECK(strip().startsWith("boat-3: The console has ended"));
+    CHECK(strip().contains("its name was lost   + 1 more"));
+    CHECK_FALSE(it.find("do_tack").isEnabled());
+    it.window->show_boat(0);
+    CHECK(it.find("do_tack").isEnabled());
 }
 
 TEST_CASE("console fleet: at 1024 x 600 all lists have a tab that can be read, and a switch moves nothing") {

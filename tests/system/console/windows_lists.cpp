@@ -6,6 +6,7 @@
 #include <QComboBox>
 #include <QDoubleSpinBox>
 #include <QFile>
+#include <QFrame>
 #include <QPlainTextEdit>
 #include <QStatusBar>
 #include <QStyledItemDelegate>
@@ -40,6 +41,7 @@ TEST_CASE("console windows: an alarm is shown until it is acknowledged") {
     it.show();
     it.picture("alarms");
     CHECK(it.find<QTableWidget>("alarm_table").rowCount() == 2);
+    it.now += 1s;
     it.find("acknowledge_first").click();
     REQUIRE(it.last<acknowledge_alarm>());
     CHECK(it.last<acknowledge_alarm>()->key == "irons");
@@ -47,12 +49,56 @@ TEST_CASE("console windows: an alarm is shown until it is acknowledged") {
     it.show();
     CHECK(it.find<QLabel>("alarm_text").text().contains("battery"));
     it.find("acknowledge_all").click();
-    CHECK(it.last<acknowledge_alarm>()->key.empty());
-    it.state.acknowledge("");
+    CHECK(it.last<acknowledge_alarm>()->key == "battery");
+    it.state.acknowledge("battery");
     it.show();
     CHECK(it.find<QLabel>("alarm_text").text() == "Acknowledged alarms: 2 (F5)");
     CHECK_FALSE(it.find("acknowledge_first").isVisible());
     CHECK(it.find<QTableWidget>("alarm_table").item(0, 2)->text() == "acknowledged");
+}
+
+TEST_CASE("console windows: an alarm that comes while the button is pressed is not acknowledged unread") {
+    desk it;
+    power p;
+    p.battery_percent = 14;
+    it.hear(p);
+    it.show();
+    auto& button = it.find("acknowledge_first");
+    button.click(); // it has just come
+    CHECK(it.actions.empty());
+    CHECK(it.window->statusBar()->currentMessage().contains("has just come"));
+    it.now += 1s;
+    it.show();
+    Q_EMIT button.pressed();
+    navigation n;
+    n.in_irons = true;
+    it.hear(n);
+    it.show();
+    CHECK(it.find<QLabel>("alarm_text").text().contains("In irons"));
+    Q_EMIT button.clicked();
+    REQUIRE(it.actions.size() == 1);
+    CHECK(it.last<acknowledge_alarm>()->key == "battery");
+    it.find("acknowledge_all").click(); // one action for each that is shown
+    REQUIRE(it.actions.size() == 3);
+    CHECK(it.last<acknowledge_alarm>()->key == "battery");
+    it.actions.clear();
+    // The chosen row goes: no other alarm takes its place.
+    it.window->show_tab("alarms");
+    auto& table = it.find<QTableWidget>("alarm_table");
+    REQUIRE(table.item(0, 1)->text().contains("In irons"));
+    table.setCurrentCell(0, 0);
+    n.in_irons = false;
+    it.now += 2s;
+    it.state.acknowledge("irons");
+    it.hear(n);
+    it.show();
+    REQUIRE(table.rowCount() == 1);
+    it.find("acknowledge_one").click();
+    CHECK(it.actions.empty());
+    table.setCurrentCell(0, 0);
+    it.find("acknowledge_one").click();
+    REQUIRE(it.last<acknowledge_alarm>());
+    CHECK(it.last<acknowledge_alarm>()->key == "battery");
 }
 
 TEST_CASE("console windows: the remote control is in the head, among the alarms, and in a refused command's words") {
@@ -175,14 +221,55 @@ TEST_CASE(
     it.picture("who");
 }
 
+namespace {
+
+/// Counts the cells that are measured.
+struct counting : QStyledItemDelegate {
+    mutable int measured = 0;
+    QSize sizeHint(const QStyleOptionViewItem& how, const QModelIndex& of) const override {
+        ++measured;
+        return QStyledItemDelegate::sizeHint(how, of);
+    }
+};
+
+} // namespace
+
+TEST_CASE("console windows: with hundreds of events in the log of alarms, a new one measures its own row only") {
+    counting counts;
+    desk it;
+    it.window->show_tab("alarms");
+    auto fails = [&](std::uint32_t id, const std::string& why) {
+        it.state.on_outcome(id, command_phase::refused, std::nullopt, why, it.now);
+        it.show();
+    };
+    it.find("show_alarm_log").click();
+    for (std::uint32_t id = 1; id <= 300; ++id)
+        it.state.on_outcome(id, command_phase::refused, std::nullopt, "not now", it.now);
+    it.show();
+    auto& log = it.find<QTableWidget>("alarm_log");
+    REQUIRE(log.rowCount() == static_cast<int>(alarm_book::max_events));
+    log.setItemDelegate(&counts);
+    fails(900, "a reason that takes several lines, because it has many words in a column that is not that wide");
+    REQUIRE(log.rowCount() == static_cast<int>(alarm_book::max_events));
+    CHECK(log.item(0, 2)->text() == "over");
+    CHECK(log.item(1, 1)->text().contains("several lines"));
+    CHECK(log.item(2, 1)->text().contains("not now"));
+    CHECK(log.rowHeight(1) > log.rowHeight(2));
+    CHECK(counts.measured > 0);
+    CHECK(counts.measured < 40);
+    // While nobody sees it, nothing is measured; afterwards all rows have their heights.
+    it.find("show_alarm_log").click();
+    counts.measured = 0;
+    fails(901, "another reason that takes several lines, because it has many words in a column that is not that wide");
+    CHECK(counts.measured == 0);
+    it.find("show_alarm_log").click();
+    CHECK(log.item(1, 1)->text().contains("another reason"));
+    CHECK(log.rowHeight(1) > log.rowHeight(4));
+    log.setItemDelegate(nullptr);
+}
+
 TEST_CASE("console windows: with hundreds of telecommands in the log, a new one measures its own row only") {
-    struct counting : QStyledItemDelegate {
-        mutable int measured = 0;
-        QSize sizeHint(const QStyleOptionViewItem& how, const QModelIndex& of) const override {
-            ++measured;
-            return QStyledItemDelegate::sizeHint(how, of);
-        }
-    } counts;
+    counting counts;
     desk it;
     it.window->show_tab("log");
     for (std::uint32_t id = 1; id <= 200; ++id)
@@ -291,6 +378,35 @@ TEST_CASE("console windows: snapshots of another thread are shown, and none afte
     CHECK(port->latest()->track->size() == 50);
 }
 
+TEST_CASE("console windows: a console whose component has ended says so for good, and offers no command") {
+    desk it;
+    it.window->end_boat(
+        0, "'atirma/console/anna' is held by process 14274 on shore at inproc://ise-14274-9d3ac6 under epoch "
+           "1795963170660425, whose lease was renewed 229 ms ago: end it, or choose another path");
+    for (int i = 0; i < 2; ++i) {
+        auto& strip = it.find<QFrame>("alarm_strip");
+        QApplication::processEvents();
+        auto& told = it.find<QLabel>("alarm_text");
+        CHECK(told.text().contains("has ended; start it again"));
+        CHECK(told.text().contains("is held by process 14274"));
+        CHECK(told.heightForWidth(told.width()) <= told.height()); // all of it can be read
+        CHECK(strip.styleSheet().contains(colours().bad_back.name()));
+        CHECK_FALSE(it.find("acknowledge_first").isVisible());
+        CHECK(it.find<QLabel>("status").text() == "● ended");
+        for (const char* name : {"do_tack", "mode_2", "upload", "read_back", "reboot"}) {
+            INFO(name);
+            CHECK_FALSE(it.find(name).isEnabled());
+        }
+        it.now += 60s;
+        it.show();
+        it.picture("ended");
+    }
+    for (auto* each : it.window->findChildren<QAction*>())
+        if (each->shortcut() == QKeySequence("Ctrl+U")) each->trigger(); // no question that would be in vain
+    CHECK(it.window->statusBar()->currentMessage().contains("has ended"));
+    CHECK(it.actions.empty());
+}
+
 TEST_CASE("console windows: a click that nobody takes is said") {
     desk it;
     it.takes = false;
@@ -304,6 +420,8 @@ TEST_CASE("console windows: nothing that boat, proxies, nodes or operators say i
     it.hear(notice{evil.substr(0, notice::max_text)});
     xbee_local modem;
     modem.trouble = evil;
+    modem.seal.sealed = true;
+    modem.seal.key = evil + "%2";
     it.state.on_xbee(xbee_path, modem, it.now);
     gprs_state carrier;
     carrier.from = "tcp://" + evil;

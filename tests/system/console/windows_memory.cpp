@@ -87,6 +87,18 @@ TEST_CASE("console windows: every telecommand is in the menu, and its arguments 
     });
     entry_of(command_kind::waypoint_insert)->trigger();
     CHECK(it.last<give_command>()->command == boat_command(commands::waypoint_insert{2, {28.16, -15.45}}));
+    QTimer::singleShot(0, it.window.get(), [&] {
+        auto* dialog = qobject_cast<telecommand_dialog*>(QApplication::activeModalWidget());
+        REQUIRE(dialog);
+        auto* checksum = dialog->findChild<QDoubleSpinBox*>("argument_checksum");
+        REQUIRE(checksum);
+        checksum->setValue(4294967295.0);
+        CHECK(checksum->value() == 4294967295.0);
+        CHECK(dialog->findChild<QPushButton*>("telecommand_accept")->isEnabled());
+        dialog->reject();
+    });
+    entry_of(command_kind::mission_switch)->trigger();
+    CHECK(it.last<give_command>()->command == boat_command(commands::waypoint_insert{2, {28.16, -15.45}}));
 }
 
 TEST_CASE("console windows: a raw telecommand takes text or hexadecimal, says what is wrong, and must be confirmed") {
@@ -293,9 +305,20 @@ TEST_CASE("console windows: the holder of the authority is shown, and a command 
     it.find("do_tack").click();
     CHECK(it.last<give_command>()->authority == taking::no);
     it.picture("you-command");
+    in_command(it, "atirma/console/anna");
     it.window->show_tab("who");
     it.show();
     CHECK(it.find<QTableWidget>("present_table").item(1, 0)->text().contains("authority"));
+
+    it.state.on_node("atirma/shore/one", true, "", nullptr, it.now);
+    it.show();
+    CHECK(button.text() == "you have authority");
+    it.state.on_node("atirma/shore/one", false, "it is not reached", nullptr, it.now);
+    it.show();
+    CHECK(button.toolTip().contains("authority not known"));
+    CHECK(button.toolTip().contains("the last holder that one reported: anna"));
+    CHECK(button.styleSheet().contains(colours().warn.name()));
+    it.state.on_node("atirma/shore/one", true, "", nullptr, it.now);
 
     in_command(it, "atirma/console/ben");
     CHECK(it.find<QLabel>("alarm_text").text().contains("lost the authority")); // taken by somebody else

@@ -67,6 +67,12 @@ TEST_CASE("console: the battery calls below its limit, and does not flutter ther
     CHECK_FALSE(charge(26, t0 + 3s));
     CHECK(charge(8, t0 + 4s));
     CHECK(find(state.view(t0 + 4s)->alarms, "battery")->how == severity::critical);
+    CHECK(charge(12, t0 + 5s));
+    CHECK(find(state.view(t0 + 5s)->alarms, "battery")->how == severity::critical);
+    CHECK(charge(16, t0 + 6s));
+    CHECK(find(state.view(t0 + 6s)->alarms, "battery")->how == severity::warning);
+    CHECK(charge(12, t0 + 7s));
+    CHECK(find(state.view(t0 + 7s)->alarms, "battery")->how == severity::warning);
 }
 
 TEST_CASE("console: in irons, off track, faults and a new boot call the operator") {
@@ -99,6 +105,20 @@ TEST_CASE("console: in irons, off track, faults and a new boot call the operator
     CHECK(find(alarms, "irons")->over_at);
     CHECK(find(alarms, "off_track")->over_at);
     CHECK(find(alarms, "boot"));
+}
+
+TEST_CASE("console: a new boot is told also if its packet comes at once, or the one before was from the future") {
+    console_state state;
+    talker boat;
+    auto early = boat.say(at(28.1, -15.4), t0);
+    early.measured_at = t0 + 24h; // the boat's clock was wrong
+    state.on_telemetry(xbee_path, early, t0 + 1s);
+    boat.boot = 8;
+    auto packet = boat.say(at(28.1, -15.4), t0 + 60s);
+    state.on_telemetry(xbee_path, packet, packet.received_at);
+    auto alarms = state.view(t0 + 61s)->alarms;
+    REQUIRE(find(alarms, "boot"));
+    CHECK(find(alarms, "boot")->text.find("boot 8, before 7") != std::string::npos);
 }
 
 TEST_CASE("console: a late packet of the life before is no new boot") {

@@ -118,25 +118,53 @@ TEST_CASE("console: a list of waypoints is put together from its parts, and part
     first.entries = {{28.1, -15.1}, {28.2, -15.2}};
     second.first = 2;
     second.entries = {{28.3, -15.3}};
-    parts.take(1, first, t0);
+    parts.take(1, first, t0, t0);
     CHECK_FALSE(parts.view().complete);
     CHECK(parts.view().points.empty());
-    parts.take(1, second, t0 + 5s);
+    parts.take(1, second, t0 + 5s, t0 + 5s);
     REQUIRE(parts.view().complete);
     CHECK(parts.view().points.size() == 3);
     CHECK(parts.complete_since(t0));
     CHECK_FALSE(parts.complete_since(t0 + 1s)); // its first part was told before
-    parts.take(1, first, t0 + 6s);
+    parts.take(1, first, t0 + 6s, t0 + 6s);
     CHECK(parts.complete_since(t0 + 5s));
     second.revision = 5;
-    parts.take(1, second, t0 + 7s);
+    parts.take(1, second, t0 + 7s, t0 + 7s);
     CHECK_FALSE(parts.view().complete);
     waypoints none;
     none.revision = 6;
-    parts.take(1, none, t0 + 8s);
+    parts.take(1, none, t0 + 8s, t0 + 8s);
     CHECK(parts.view().complete);
     CHECK(parts.view().points.empty());
     CHECK(parts.complete_since(t0 + 8s));
+}
+
+TEST_CASE("console: a list of waypoints that comes late does not replace the newer one") {
+    console_state state;
+    talker boat;
+    waypoints before, now;
+    before.revision = 4;
+    before.count = 1;
+    before.active = 0;
+    before.entries = {{28.1, -15.1}};
+    now.revision = 5;
+    now.count = 2;
+    now.active = 1;
+    now.entries = {{28.2, -15.2}, {28.3, -15.3}};
+    auto late = boat.say(before, t0, link_id::iridium);
+    state.on_telemetry(xbee_path, boat.say(now, t0 + 60s), t0 + 61s);
+    state.on_telemetry(iridium_path, late, t0 + 90s);
+    CHECK(state.mission().view().revision == 5);
+    REQUIRE(state.mission().view().complete);
+    CHECK(state.mission().view().points == now.entries);
+    // A late part of the same list fills it, and does not set the active waypoint back.
+    now.active = 0;
+    auto part = boat.say(now, t0 + 30s, link_id::iridium);
+    state.on_telemetry(iridium_path, part, t0 + 95s);
+    CHECK(state.mission().view().active == 1);
+    boat.boot = 8; // the boat has started again, with the list of before
+    state.on_telemetry(xbee_path, boat.say(before, t0 + 100s), t0 + 101s);
+    CHECK(state.mission().view().points == before.entries);
 }
 
 TEST_CASE("console: a boat sails the leg that its cross-track error belongs to, and none that it was sent away from") {

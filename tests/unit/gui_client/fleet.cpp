@@ -83,6 +83,24 @@ TEST_CASE("console fleet: open alarms are sorted by severity, then the shown boa
     CHECK_FALSE(fleet_watch({"alone"}).open_alarms(0).size());
 }
 
+TEST_CASE(
+    "console fleet: what a component that has ended left behind is no open alarm, and the shown boat comes first") {
+    fleet_watch fleet({"A-Tirma", "boat-2", "boat-3"});
+    console_state second;
+    talker two;
+    fleet.take(1, with_battery(second, two, 5, t0));
+    REQUIRE(fleet.open_alarms(0).size() == 1);
+    CHECK_FALSE(fleet.first_ended(0));
+    fleet.end(1, "its name is taken");
+    CHECK(fleet.open_alarms(0).empty());
+    CHECK(fleet.first_ended(0) == 1);
+    fleet.end(2, "its name is lost");
+    CHECK(fleet.first_ended(0) == 1);
+    CHECK(fleet.first_ended(2) == 2);
+    CHECK(fleet.ended(2) == "its name is lost");
+    CHECK(fleet.ended(0).empty());
+}
+
 TEST_CASE("console fleet: the log has the events of all boats once, by time, and goes on after a restart of one") {
     fleet_watch fleet({"A-Tirma", "boat-2"});
     console_state first, second;

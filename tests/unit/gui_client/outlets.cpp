@@ -115,6 +115,37 @@ TEST_CASE("outlets: what cannot be sent is an alarm here, and goes once it can")
     CHECK(it.posts.size() <= posts + 1);
 }
 
+TEST_CASE("outlets: an alarm that comes shortly before an older one is given up goes once it can") {
+    alarmed it;
+    it.status = 503;
+    it.mails.options.reachable = false;
+    it.raise();
+    it.world.run_for(50min);
+    it.raise();
+    it.world.run_for(20min);
+    it.mails.options.reachable = true;
+    it.status = 200;
+    it.posts.clear();
+    REQUIRE(it.world.run_until([&] { return it.mails.delivered() > 0 && it.posts.size() >= 2; }, 6min));
+    auto mail = it.mails.waiting("anna@example.org").at(0).message;
+    auto raised = mail.text.find("raised");
+    REQUIRE(raised != std::string::npos);
+    CHECK(mail.text.find("raised", raised + 1) == std::string::npos); // the first one waited for longer than an hour
+    it.world.run_for(10min);
+    CHECK(it.posts.size() == 2); // raised, over
+}
+
+TEST_CASE("outlets: what the boat puts into an alarm cannot make its mail invalid") {
+    alarm_outlet_options options;
+    options.boat = "A-Tirma";
+    alarm_event one;
+    one.how = severity::critical;
+    one.text = "mast\nBcc: all\xff\x1b[2J";
+    auto mail = alarm_mail(options, {one});
+    CHECK(mail.subject == "A-Tirma: CRITICAL mast Bcc: all\\xff [2J");
+    CHECK(mail.text.find("raised: mast Bcc: all\\xff [2J\n") != std::string::npos);
+}
+
 TEST_CASE("sender: what leads over land is refused with the reason, unless the operator overrides it") {
     alarmed it;
     waypoint la_isleta{28.1640, -15.4245};

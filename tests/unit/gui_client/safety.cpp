@@ -335,6 +335,67 @@ TEST_CASE("authority: the request of a console that has gone goes, one of an ope
     CHECK(state.view(t0 + 3s)->authority.state.asked_by.size() == 1);
 }
 
+TEST_CASE(
+    "console: the time in a mode is counted anew from an order that renews it, and from the end of remote control") {
+    console_state state;
+    talker boat;
+    navigation n;
+    n.mode = sailing_mode::hold;
+    auto reports = [&](utc_time when) { state.on_telemetry(xbee_path, boat.say(n, when), when + 1s); };
+    auto executed = [&](std::uint32_t id, command_kind kind, ack_code result, utc_time when) {
+        auto told = status(id, telecommand_stage::acknowledged, result);
+        told.kind = kind;
+        told.executed_at = when;
+        state.on_status(xbee_path, told, when + 2s);
+    };
+    reports(t0);
+    executed(1, command_kind::set_mode, ack_code::done, t0 + 600s);
+    CHECK(state.boat().mode_since == t0 + 600s);
+    executed(2, command_kind::set_mode, ack_code::refused, t0 + 610s);
+    executed(3, command_kind::ping, ack_code::done, t0 + 620s);
+    CHECK(state.boat().mode_since == t0 + 600s);
+    reports(t0 + 640s);
+    CHECK(state.boat().mode_since == t0 + 600s);
+    n.remote_control = true;
+    reports(t0 + 700s);
+    reports(t0 + 710s);
+    n.remote_control = false;
+    reports(t0 + 720s);
+    reports(t0 + 730s);
+    CHECK(state.boat().mode_since == t0 + 720s);
+    n.mode = sailing_mode::station_keep; // by itself
+    reports(t0 + 900s);
+    CHECK(state.boat().mode_since == t0 + 900s);
+    executed(4, command_kind::set_mode, ack_code::done, t0 + 950s);
+    n.mode = sailing_mode::manual; // the report comes later than the order
+    reports(t0 + 990s);
+    CHECK(state.boat().mode_since == t0 + 950s);
+}
+
+TEST_CASE("authority: a lower epoch is a node that lags, or after 30 s nodes that have begun anew") {
+    console_state state;
+    state.set_self("atirma/console/anna");
+    authority_state result, lower;
+    result.epoch = 9;
+    result.holder = "atirma/console/anna";
+    lower.epoch = 2;
+    lower.holder = "atirma/console/ben";
+    state.on_authority(result, t0);
+    state.on_authority(lower, t0 + 1h); // the other node lags
+    state.on_time(t0 + 1h + 29s);
+    CHECK(state.authority().mine());
+    state.on_authority(result, t0 + 1h + 29s);
+    state.on_time(t0 + 1h + 40s);
+    CHECK(state.authority().mine());
+    CHECK_FALSE(find(state.view(t0 + 1h + 40s)->alarms, "authority:lost"));
+    state.on_authority(lower, t0 + 2h);
+    state.on_authority(lower, t0 + 2h + 20s);
+    state.on_time(t0 + 2h + 31s);
+    CHECK_FALSE(state.authority().mine());
+    CHECK(state.authority().state.epoch == 2);
+    CHECK(find(state.view(t0 + 2h + 31s)->alarms, "authority:lost"));
+}
+
 TEST_CASE("console: the time in a mode is counted from its first report") {
     console_state state;
     talker boat;
