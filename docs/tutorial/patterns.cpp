@@ -1,5 +1,9 @@
+#include <ise/asio.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/ise.hpp>
+
+#include <asio/experimental/awaitable_operators.hpp>
+#include <asio/use_awaitable.hpp>
 
 #include <functional>
 #include <stop_token>
@@ -74,11 +78,32 @@ class slow_shore : public ise::component {
     }
 };
 
+class fleet : public ise::component {
+    ise::task<fix> newest(std::string path) {
+        auto boat = at(path);
+        auto fixes = co_await boat.subscribe(position);
+        auto packet = co_await fixes.next();
+        if (!packet) throw ise::error(fixes.cause());
+        co_return *packet;
+    }
+
+    ise::task<> run() override {
+        using namespace asio::experimental::awaitable_operators;
+        auto first = ise::async_run(get_executor(), newest("tutorial/boat"), asio::use_awaitable);
+        auto second = ise::async_run(get_executor(), newest("tutorial/other"), asio::use_awaitable);
+        auto both = std::move(first) && std::move(second); // if one fails, the other is cancelled
+        auto [one, other] = co_await std::move(both);
+        log().info(std::to_string(one.latitude_deg - other.latitude_deg));
+    }
+};
+
 int main() {
     ise::real_environment env;
     ise::node node(env);
     node.start<receiver>("tutorial/boat");
+    node.start<receiver>("tutorial/other");
     node.start<shore>("tutorial/shore");
     node.start<slow_shore>("tutorial/slow_shore");
+    node.start<fleet>("tutorial/fleet");
     return ise::run_until_signal(node);
 }

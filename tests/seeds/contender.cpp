@@ -45,7 +45,7 @@ ise::task<> contender::contend() {
                            got ? fmt::format("epoch {}", *got) : std::string(ise::name_of(got.error().code())));
         stage_.events.tally(got ? "names won" : fmt::format("names not won: {}", ise::name_of(got.error().code())));
         co_await ise::sleep_for(host_->loop(), some(draw.chance(0.3) ? 20'000 : 2000));
-        co_await names_->withdraw(path_);
+        co_await names_->withdraw(path_, incarnation_);
     }
 }
 
