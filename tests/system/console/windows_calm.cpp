@@ -341,6 +341,7 @@ TEST_CASE("console windows: an alarm is played by a program, again as it calls, 
 }
 
 TEST_CASE("console windows: a player that hangs silences no alarm, and a graver alarm replaces the sound of another") {
+    start_qt();
     QTemporaryDir folder;
     auto played = folder.filePath("played"), player = folder.filePath("player");
     QFile script(player);
