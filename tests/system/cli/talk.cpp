@@ -76,7 +76,7 @@ TEST_CASE("a provider's refusal and failure end with 1 and its text, fit for a t
     CHECK_THAT(refused.err, Contains("boats float"));
     auto failed = run_program({"ise", "call", in.at, "helm", R"({"mode":"break"})"});
     CHECK(failed.exit_code == 1);
-    CHECK_THAT(failed.err, Contains("the rudder") && Contains("it may have run") && !Contains("\x1b"));
+    CHECK_THAT(failed.err, Contains("the rudder") && Contains("it may have been executed") && !Contains("\x1b"));
     auto result = run_program({"ise", "call", "--json", in.at, "helm", R"({"mode":"sink"})"});
     CHECK_THAT(result.err, Contains(R"("error":"refused","exit_code":1)") && Contains(R"("executed":")"));
 }
@@ -85,7 +85,7 @@ TEST_CASE("a call that is not answered ends at its timeout with 3") {
     harbour in;
     auto ran = run_program({"ise", "--timeout", "500ms", "call", in.at, "never", "{}"});
     CHECK(ran.exit_code == 3);
-    CHECK_THAT(ran.err, Contains("'never'") && Contains("it may have run"));
+    CHECK_THAT(ran.err, Contains("'never'") && Contains("it may have been executed"));
 }
 
 TEST_CASE("a service that is not there is answered with those that are") {
