@@ -87,10 +87,10 @@ TEST_CASE("each parameter is refused with what is allowed") {
           "type 'boat': parameter 'speed' cannot be '41': it must be a number from 0 to 40 (m/s)");
     for (const char* value : {"nan", "inf", "", " 1", "1 ", "0x10", "1e400", "--x", "1\n"})
         CHECK(refusal(request({{"speed", value}})) != "it was allowed");
-    CHECK_THAT(refusal(request({{"course", "T3"}})), Contains("it is one of T1, T2"));
+    CHECK_THAT(refusal(request({{"course", "T3"}})), Contains("it must be one of T1, T2"));
     CHECK_THAT(refusal(request({{"mode", "3"}})), Contains("an integer from 0 to 2"));
     CHECK_THAT(refusal(request({{"mode", "1.5"}})), Contains("an integer from 0 to 2"));
-    CHECK_THAT(refusal(request({{"gusts", "yes"}})), Contains("it is true or false"));
+    CHECK_THAT(refusal(request({{"gusts", "yes"}})), Contains("it must be true or false"));
     CHECK_THAT(refusal(request({{"address", "10000000000000000"}})), Contains("1 to 16 hexadecimal digits"));
     CHECK_THAT(refusal(request({{"mark", std::string(5000, 'x')}})), Contains("has 5000 bytes, 4096 are allowed"));
     CHECK_THAT(refusal(request({{"mark", std::string("a\0b", 3)}})), Contains("control character"));
