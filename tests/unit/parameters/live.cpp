@@ -127,7 +127,7 @@ TEST_CASE("what is not allowed is refused with what is, and nothing of it happen
             {{{"spead", "4"}}, "there is no parameter 'spead'; did you mean 'speed'?"},
             {{{"seed", "4"}}, "parameter 'seed' cannot be changed while the component runs, only speed, from, name"},
             {{{"speed", "4"}, {"speed", "5"}}, "parameter 'speed' is given twice"},
-            {{{"name", "sirocco"}}, "it is one of trade, mistral"}};
+            {{{"name", "sirocco"}}, "it must be one of trade, mistral"}};
         for (auto& each : trials) {
             auto response = co_await ask_to_change(self, each.settings);
             REQUIRE(!response);
