@@ -79,16 +79,6 @@ struct description {
 
 std::string hex(std::uint64_t number) { return fmt::format("{:016x}", number); }
 
-service_kind kind_of(const service_info& one) {
-    return one.kind == 0 ? service_kind::request_response : service_kind::subscription;
-}
-
-// An action is a subscription, and means more to people.
-std::string_view kind_name(const service_info& one) {
-    auto contract = contract_of(one);
-    return contract && is_action(*contract->types()) ? "action" : ise::name_of(kind_of(one));
-}
-
 described_service describe_one(const service_info& one) {
     described_service made{one.name, kind_name(one), one.provided, {}, one.declared};
     for (std::size_t place = 0; place < one.packets.size(); ++place)

@@ -180,7 +180,7 @@ drawn_graph graph_of(const std::vector<surveyed>& before, const std::vector<surv
     for (const auto& line : services_of(now, false)) {
         if (!line.missing) continue;
         for (const auto& user : line.users)
-            if (shown.contains(user)) made.missing.push_back({user, line.name, line.kind});
+            if (shown.contains(user)) made.missing.push_back({user, line.name});
     }
     return made;
 }

@@ -21,7 +21,6 @@ struct connection_rate {
 /// A need that no component fulfils.
 struct missing_need {
     std::string component, service;
-    std::uint8_t kind = 0; ///< service_kind
 };
 
 /// What `ise graph` draws: the components that were asked for and those that they are connected to.

@@ -15,6 +15,7 @@ bool service_line::concerns(const std::string& prefix) const {
 std::vector<service_line> services_of(const std::vector<surveyed>& all, bool own) {
     struct involved {
         std::set<std::string> providers, users;
+        const service_info* example = nullptr;
         bool declared = false;
     };
     std::map<std::pair<std::string, std::uint8_t>, involved> found;
@@ -27,6 +28,7 @@ std::vector<service_line> services_of(const std::vector<surveyed>& all, bool own
         for (const auto& service : one.about->services) {
             if (!own && is_own_service(service.name)) continue;
             auto& who = found[{service.name, service.kind}];
+            who.example = &service;
             (service.provided ? who.providers : who.users).insert(one.name.path);
             who.declared = who.declared || (!service.provided && service.declared);
         }
@@ -44,7 +46,7 @@ std::vector<service_line> services_of(const std::vector<surveyed>& all, bool own
     for (auto& [key, who] : found) {
         service_line line;
         line.name = key.first;
-        line.kind = key.second;
+        line.example = who.example;
         line.missing = who.declared && who.providers.empty() && !unknown;
         line.providers.assign(who.providers.begin(), who.providers.end());
         line.users.assign(who.users.begin(), who.users.end());

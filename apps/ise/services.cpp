@@ -5,6 +5,7 @@
 #include "options.hpp"
 #include "survey.hpp"
 #include "table.hpp"
+#include "target.hpp"
 #include "text.hpp"
 
 #include <ise/component/discover.hpp>
@@ -40,8 +41,8 @@ std::vector<listed_service> listed_services(const std::vector<surveyed>& all, bo
     std::vector<listed_service> lines;
     for (auto& one : services_of(all, own))
         if (one.concerns(prefix))
-            lines.push_back({std::move(one.name), ise::name_of(static_cast<service_kind>(one.kind)),
-                             std::move(one.providers), std::move(one.users), one.missing});
+            lines.push_back({std::move(one.name), kind_name(*one.example), std::move(one.providers),
+                             std::move(one.users), one.missing});
     return lines;
 }
 

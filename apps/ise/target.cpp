@@ -264,6 +264,19 @@ task<dynamic_packet> request_from(context& in, const dynamic_contract& service, 
     co_return request;
 }
 
+service_kind kind_of(const service_info& one) {
+    return one.kind == 0 ? service_kind::request_response : service_kind::subscription;
+}
+
+std::string_view kind_name(const dynamic_contract& service) {
+    return is_action(*service.types()) ? "action" : ise::name_of(service.kind());
+}
+
+std::string_view kind_name(const service_info& one) {
+    auto contract = contract_of(one);
+    return contract ? kind_name(*contract) : ise::name_of(kind_of(one));
+}
+
 std::string example(const std::string& name, const dynamic_contract& service) {
     const bool calls = service.kind() == service_kind::request_response;
     const bool runs = is_action(*service.types());

@@ -36,6 +36,11 @@ task<component_info> ask_about(context& in, remote who);
 
 /// One of its services; problem(not_reached) with those that there are, problem(usage) naming the right command if it
 /// is of the other kind.
+service_kind kind_of(const service_info& one);
+/// "request-response", "subscription" or "action", which is a subscription and means more to people.
+std::string_view kind_name(const dynamic_contract& service);
+/// The same; of one whose packets cannot be read, that of the service.
+std::string_view kind_name(const service_info& one);
 task<dynamic_contract> find_service(context& in, remote who, std::string service, service_kind wanted);
 
 /// A call's request; problem(usage) if it has fields and none was given: defaults by surprise could start a motor.

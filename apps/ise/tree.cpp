@@ -2,6 +2,7 @@
 #include "json.hpp"
 #include "options.hpp"
 #include "survey.hpp"
+#include "target.hpp"
 #include "text.hpp"
 
 #include <fmt/format.h>
@@ -57,9 +58,12 @@ std::vector<std::string> service_leaves(const surveyed& one) {
     if (!one.about) return {"(does not answer)"};
     for (const auto& service : one.about->services)
         if (!is_own_service(service.name))
-            lines.push_back(
-                fmt::format("{} {}", service.provided ? (service.kind == 0 ? "answers  " : "publishes") : "needs    ",
-                            printable(service.name)));
+            lines.push_back(fmt::format("{:<9} {}",
+                                        !service.provided                ? "needs"
+                                        : service.kind == 0              ? "answers"
+                                        : kind_name(service) == "action" ? "performs"
+                                                                         : "publishes",
+                                        printable(service.name)));
     return lines;
 }
 

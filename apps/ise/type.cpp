@@ -62,7 +62,7 @@ task<dynamic_contract> service_at(context& in, std::string name, std::string ser
 std::size_t packets_of(const dynamic_contract& service) { return service.types()->schemas.size(); }
 
 std::string as_text(const dynamic_contract& service) {
-    auto text = fmt::format("{}  ({})\n", printable(service.name()), ise::name_of(service.kind()));
+    auto text = fmt::format("{}  ({})\n", printable(service.name()), kind_name(service));
     for (std::size_t place = 0; place < packets_of(service); ++place) {
         const auto& packet = service.packet(place);
         text += fmt::format("  {}  {}  {:016x}\n", role::name(service.kind(), place), printable(packet.name()),
@@ -76,7 +76,7 @@ shown_service shown_types(const std::string& component, const dynamic_contract& 
     shown_service result;
     result.component = component;
     result.service = service.name();
-    result.kind = ise::name_of(service.kind());
+    result.kind = kind_name(service);
     for (std::size_t place = 0; place < packets_of(service); ++place) {
         const auto& packet = service.packet(place);
         result.packets.push_back({std::string(role::name(service.kind(), place)), packet.name(),

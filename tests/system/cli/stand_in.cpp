@@ -205,6 +205,12 @@ TEST_CASE("run runs an action, describe shows it, and echo does not begin one by
     auto echoed = in.ise({"echo", "atirma/sailor", "sail_to"});
     CHECK(echoed.exit_code == 2);
     CHECK_THAT(echoed.err, Contains("is an action"));
+    auto called = in.ise({"call", "atirma/sailor", "sail_to", "{}"});
+    CHECK(called.exit_code == 2);
+    CHECK_THAT(called.err, Contains("is an action") && Contains("ise run atirma/sailor sail_to"));
+    CHECK_THAT(in.ise({"services", "atirma/sailor"}).out, Contains("sail_to") && Contains("action"));
+    CHECK_THAT(in.ise({"type", "show", "atirma/sailor", "sail_to"}).out, Contains("sail_to  (action)"));
+    CHECK_THAT(in.ise({"tree", "--services"}).out, Contains("performs  sail_to"));
     CHECK(in.ise({"run", "atirma/boat", "position"}).exit_code == 2);
 }
 
