@@ -83,7 +83,7 @@ task<std::error_code> deliver_all(ise::stream& from, counting_reader& to, ise::l
 
 TEST_CASE("sockets: what arrives is delivered whole, then the end, and nothing once the reader has closed") {
     for (bool own : {true, false})
-        for (bool tcp : {true, false}) {
+        for (bool tcp : kinds()) {
             INFO(own << tcp);
             place at(own);
             auto two = at.run(connected(at, endpoint_of(tcp)));
