@@ -57,8 +57,8 @@ ise::endpoint endpoint_of(const std::string& option, const std::string& text) {
     return *at;
 }
 
-// What a component needs of this program's environment, and what observes all components here; nothing else is passed
-// on.
+// The variables that components get from this program's environment: what programs need to run, and the settings of
+// traces and recorded calls, which then hold for all of them.
 std::vector<std::pair<std::string, std::string>> variables_for_components(const ise::environment& env) {
     std::vector<std::pair<std::string, std::string>> kept;
     for (const char* name : {"PATH", "HOME", "USER", "LANG", "LC_ALL", "TZ", "TMPDIR", "XDG_RUNTIME_DIR",

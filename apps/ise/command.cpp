@@ -178,18 +178,18 @@ exit_code run(const parsed_command& what) {
 }
 
 void report(const problem& why, bool json) {
+    auto advice = why.advice();
+    while (advice.ends_with('\n')) advice.pop_back();
     if (json) {
         error_line line{why.name(), static_cast<int>(why.code()), why.what(), {}, {}};
         if (!why.executed().empty()) line.executed = why.executed();
-        if (!why.advice().empty()) line.advice = why.advice();
+        if (!advice.empty()) line.advice = advice;
         return complain(json_line(line));
     }
     auto text = fmt::format("ise: {}\n", printable(why.what(), true));
     if (why.executed() == "unknown") text += "     it may have been executed anyway\n";
     if (why.executed() == "not_executed") text += "     it did not run there\n";
-    auto advice = printable(why.advice(), true);
-    while (advice.ends_with('\n')) advice.pop_back();
-    if (!advice.empty()) text += indented(advice, "     ");
+    if (!advice.empty()) text += indented(printable(advice, true), "     ");
     complain(text);
 }
 

@@ -103,18 +103,15 @@ task<> ping(context& in, ping_options options) {
     spread seen;
     std::optional<duration> ahead; // of the quickest answer: the one that tells best
     std::optional<failure> why;
-    bool by_health = true, over = false;
+    bool by_health = true;
+    auto over = std::make_shared<bool>(false); // by Ctrl-C
     std::uint64_t sent = 0;
-    in.ctrl_c.care(in.self.on(), [&over] { over = true; }); // what was measured is shown
-    struct leaving {
-        interrupt& ctrl_c;
-        ~leaving() { ctrl_c.leave(); }
-    } at_the_end{in.ctrl_c};
+    in.ctrl_c.care(in.self.on(), [over] { *over = true; }); // what was measured is shown
     constexpr duration look_period = std::chrono::milliseconds(50);
-    for (std::uint64_t number = 1; number <= options.count && !over; ++number) {
-        for (auto next = in.self.now() + options.every; number > 1 && !over && in.self.now() < next;)
+    for (std::uint64_t number = 1; number <= options.count && !*over; ++number) {
+        for (auto next = in.self.now() + options.every; number > 1 && !*over && in.self.now() < next;)
             co_await in.self.sleep(std::min(look_period, next - in.self.now()));
-        if (over) break;
+        if (*over) break;
         ++sent;
         auto got = co_await ask_once(in, who, by_health, in.set.timeout);
         if (got) {
@@ -126,6 +123,7 @@ task<> ping(context& in, ping_options options) {
         auto text = show_answer(in, number, options.name, got);
         co_await in.out.write(in.self, std::move(text));
     }
+    in.ctrl_c.leave();
     auto text = show_summary(in, sent, seen, ahead, by_health);
     co_await in.out.write(in.self, std::move(text));
     if (seen.count() == 0 && why) throw problem(*why, "is it busy or stopped? ise doctor looks at all");

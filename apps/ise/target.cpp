@@ -254,7 +254,6 @@ task<dynamic_packet> request_from(context& in, const dynamic_contract& service, 
     if (json.empty() && !asked.type().members.empty()) {
         auto advice = fmt::format("it is {}\ngive what matters, or {{}} for the defaults:\n{}", asked.pretty(),
                                   example(name, service));
-        while (advice.ends_with('\n')) advice.pop_back();
         throw problem(exit_code::usage, "usage",
                       fmt::format("the request of '{}' has fields, and none was given", service.name()),
                       std::move(advice));

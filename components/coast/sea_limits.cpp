@@ -214,7 +214,7 @@ std::vector<double> sea_limits::parts_of(const area& mine, coast_point from, coa
     return parts;
 }
 
-/// What two areas have in common, or one covers of another's edge, stops no boat.
+/// An edge that two areas share, or that lies inside another area, is not a limit.
 void sea_limits::find_fence_limits() {
     auto is_limit = [this](coast_point from, coast_point to) {
         auto middle = between(from, to, 0.5);

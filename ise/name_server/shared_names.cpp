@@ -175,7 +175,7 @@ task<result<void>> shared_names::read_all() {
 void shared_names::apply(const std::vector<store_change>& changes, std::uint64_t revision) {
     for (const auto& one : changes) apply(one);
     revision_ = std::max(revision_, revision);
-    news_at_ = on_.now(); // and no sign that what is asked here is answered
+    news_at_ = on_.now(); // not `heard()`: a watch may report while requests are not answered
     on_change_();
     for (auto* one : catching_up_) one->resume();
 }

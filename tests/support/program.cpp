@@ -19,7 +19,7 @@ extern char** environ; // NOLINT: POSIX says so
 namespace ise_test {
 namespace {
 
-constexpr int most_silence_ms = 400'000; // less than a test may take: what the program has said is told
+constexpr int most_silence_ms = 400'000; // less than the time limit of a test, so that its output is shown
 
 struct pipe_ends {
     int read = -1, write = -1;

@@ -64,6 +64,22 @@ void press(QWidget& on, QEvent::Type type) {
     QApplication::sendEvent(&on, &event);
 }
 
+// A player of sounds that runs these commands in the folder, with the sound's file as $1.
+QString script_in(const QTemporaryDir& folder, const QByteArray& commands) {
+    QFile script(folder.filePath("player"));
+    REQUIRE(script.open(QIODevice::WriteOnly));
+    script.write("#!/bin/sh\ncd \"" + folder.path().toUtf8() + "\"\n" + commands);
+    script.close();
+    script.setPermissions(QFile::ReadOwner | QFile::WriteOwner | QFile::ExeOwner);
+    return script.fileName();
+}
+
+// What it has appended to the file "played" there.
+QByteArray played_in(const QTemporaryDir& folder) {
+    QFile file(folder.filePath("played"));
+    return file.open(QIODevice::ReadOnly) ? file.readAll() : QByteArray();
+}
+
 } // namespace
 
 TEST_CASE("console windows: no message, alarm, mode, age or upload moves anything by a pixel") {
@@ -292,16 +308,8 @@ TEST_CASE("console windows: a long reason in the log is wrapped, not cut") {
 
 TEST_CASE("console windows: an alarm is played by a program, again as it calls, and kept in a log") {
     QTemporaryDir folder;
-    auto played = folder.filePath("played"), player = folder.filePath("player");
-    QFile script(player);
-    REQUIRE(script.open(QIODevice::WriteOnly));
-    script.write("#!/bin/sh\nhead -c 4 \"$1\" >>\"" + played.toUtf8() + "\"\n");
-    script.close();
-    script.setPermissions(QFile::ReadOwner | QFile::WriteOwner | QFile::ExeOwner);
-    auto content = [&] {
-        QFile file(played);
-        return file.open(QIODevice::ReadOnly) ? file.readAll() : QByteArray();
-    };
+    auto player = script_in(folder, "head -c 4 \"$1\" >>played\n");
+    auto content = [&] { return played_in(folder); };
     desk it(true, {1280, 800}, folder.filePath("console.ini"), player);
     power p;
     p.battery_percent = 6;
@@ -343,16 +351,8 @@ TEST_CASE("console windows: an alarm is played by a program, again as it calls, 
 TEST_CASE("console windows: a player that hangs silences no alarm, and a graver alarm replaces the sound of another") {
     start_qt();
     QTemporaryDir folder;
-    auto played = folder.filePath("played"), player = folder.filePath("player");
-    QFile script(player);
-    REQUIRE(script.open(QIODevice::WriteOnly));
-    script.write("#!/bin/sh\nbasename \"$1\" >>\"" + played.toUtf8() + "\"\nexec sleep 600\n");
-    script.close();
-    script.setPermissions(QFile::ReadOwner | QFile::WriteOwner | QFile::ExeOwner);
-    auto content = [&] {
-        QFile file(played);
-        return file.open(QIODevice::ReadOnly) ? file.readAll() : QByteArray();
-    };
+    auto player = script_in(folder, "basename \"$1\" >>played\nexec sleep 600\n");
+    auto content = [&] { return played_in(folder); };
     alarm_sound sound(player, nullptr, 1h);
     sound.play(severity::warning);
     wait_for([&] { return !content().isEmpty(); });

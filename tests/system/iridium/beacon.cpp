@@ -41,7 +41,7 @@ std::optional<Body> newest(const ocean::watched& seen) {
     return found;
 }
 
-// What comes is the test's own.
+// The boat has no modems: the test sends what the shore receives.
 void begin_without_modems(ocean& it) {
     it.with_beacon();
     it.boat_options.iridium.port.device.clear();

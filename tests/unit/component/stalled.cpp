@@ -42,7 +42,8 @@ private:
     bool open_ = false;
 };
 
-// Whatever a test throws, the environment does not wait for a thread at a closed gate. After the environment.
+// Opens a gate when the test ends, also by an exception: otherwise the environment waits for a thread at that gate for
+// ever. Declare it after the environment.
 struct opened_at_last {
     gate& held;
     ~opened_at_last() { held.open(); }

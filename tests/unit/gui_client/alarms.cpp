@@ -107,7 +107,7 @@ TEST_CASE("console: in irons, off track, faults and a new boot call the operator
     CHECK(find(alarms, "boot"));
 }
 
-TEST_CASE("console: a new boot is told also if its packet comes at once, or the one before was from the future") {
+TEST_CASE("console: a restart of the boat is reported even if its packet comes at once, or after one from the future") {
     console_state state;
     talker boat;
     auto early = boat.say(at(28.1, -15.4), t0);
