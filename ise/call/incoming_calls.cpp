@@ -276,10 +276,11 @@ void incoming_calls::serve(binding& of, incoming_call& call, incoming_packet& re
     if (call.deadline <= runtime.on().now()) {
         of.service->meter().refused_expired();
         of.service->meter().failed(errc::timed_out);
-        turn_away(call,
-                  failure(errc::timed_out,
-                          fmt::format("'{}' was asked too late: the deadline had passed before the request was read",
-                                      of.name)));
+        turn_away(call, failure(errc::timed_out,
+                                fmt::format(
+                                    "'{}' was asked too late: its deadline, less the uncertainty of a round trip, had "
+                                    "passed before the request was read",
+                                    of.name)));
         return;
     }
     auto& running = place_of(call.id);

@@ -153,9 +153,12 @@ result<void> outgoing_calls::on_reply(const net::carried_frame& received) {
     incoming_packet response(received.body, received.object);
     if (service.adapting) {
         if (!service.held.hold(received.header.id, response))
-            return failure(errc::overloaded,
-                           fmt::format("{} replies of '{}' wait for its schema (held_replies, session_bytes)",
-                                       service.held.size(), service.name));
+            calls_.fail(free_slot(*found),
+                        failure(errc::overloaded,
+                                fmt::format("'{}' at {}: there was no room for its reply, as {} replies wait for a "
+                                            "schema (held_replies, session_bytes)",
+                                            service.name, over_.peer_name(), held_.packets),
+                                execution::unknown));
         return {};
     }
     response.adapt = service.response.get();

@@ -27,10 +27,10 @@ public:
     ~held_packets() { clear(); }
 
     std::size_t size() const noexcept { return all_.size(); }
-    /// False, and it is not held, where there is no room for it.
+    /// False, and it is not held, where there is no room for it. There is for a lone one, however large.
     bool hold(const Head& head, incoming_packet& packet) {
         const auto size = packet.size();
-        if (all_.size() >= most_ || budget_.used + size > budget_.most) return false;
+        if (all_.size() >= most_ || (budget_.packets > 0 && budget_.used + size > budget_.most)) return false;
         all_.push_back({head, packet.keep()});
         budget_.used += size;
         ++budget_.packets;

@@ -14,9 +14,9 @@ using ise::execution;
 constexpr ise::duration grain = 1ms;
 // Of a call on an undisturbed link, beyond what its handler takes.
 constexpr ise::duration on_the_way = 2s;
-// A provider knows its caller's clock to half of the shortest round trip; by twice that it may give up early. A storm
-// makes round trips as long as it likes.
-constexpr ise::duration uncertainty = 250ms, uncertainty_in_storms = on_the_way;
+// A caller knows its provider's clock to half of the shortest round trip; the provider may give up by twice that early.
+// A storm makes round trips as long as it likes, that of a handshake as long as `connect_time`.
+constexpr ise::duration uncertainty = 250ms, uncertainty_in_storms = 5s;
 
 // What the library says when its own peer breaks the wire format.
 constexpr std::array protocol_words{"came after packet",

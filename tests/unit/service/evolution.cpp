@@ -152,6 +152,30 @@ TEST_CASE("calls made at once while the schemas are on their way are all served"
     }
 }
 
+TEST_CASE("a request and a reply wait for the schemas however large they are, if alone") {
+    ise::service_options options;
+    options.session_bytes = 40'000;
+    sim_parties all;
+    party& boat = all.add("boat", options);
+    party& shore = all.add("shore", options);
+    boat.listen("tcp://0.0.0.0:7400");
+    boat.provide(newer::helm, [&](newer::order asked) {
+        newer::done answer{true, asked.mode};
+        return answer;
+    });
+    newer::order request{std::string(100'000, 'x'), 9};
+    SECTION("older caller") {
+        auto got = all.run(shore, ask(shore.at("tcp://boat:7400"), older::helm, older::order{request.mode}));
+        REQUIRE(got);
+        CHECK(got->accepted);
+    }
+    SECTION("caller of this version") {
+        auto got = all.run(shore, ask(shore.at("tcp://boat:7400"), newer::helm, request));
+        REQUIRE(got);
+        CHECK(got->reason == request.mode);
+    }
+}
+
 TEST_CASE("packets that differ incompatibly are refused with a diff, on both sides") {
     fixture at;
     int served = 0;
