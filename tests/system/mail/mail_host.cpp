@@ -83,22 +83,40 @@ mail_host::mail_host() {
                       "action \"box\" maildir \"{}/home/%{{dest.user:lowercase}}/Maildir\" virtual <nobodies>\n"
                       "match from any for domain \"example.org\" action \"box\"\n",
                       relay_, at));
-    write("dovecot.conf", fmt::format(R"(base_dir = {0}/run
-state_dir = {0}/run
-log_path = {0}/dovecot.log
-protocols = imap submission
-ssl = yes
-ssl_cert = <{0}/cert.pem
+    write("dovecot.conf", dovecot_conf());
+    // What the two have built in (/var/spool/smtpd, /run/smtpd.sock) is covered by file systems of their own.
+    write("start",
+          fmt::format("set -e\n"
+                      "mount -t tmpfs tmpfs /var/spool\nmkdir -m 711 /var/spool/smtpd\nmount -t tmpfs tmpfs /run\n"
+                      "smtpd -d -f {0}/smtpd.conf &\nexec dovecot -F -c {0}/dovecot.conf\n",
+                      at));
+}
+
+// The names of settings changed with 2.4 (Debian 13), which refuses those before.
+std::string mail_host::dovecot_conf() const {
+    const auto at = folder_.string();
+    const bool newer = !ise_test::run_program({"/usr/sbin/dovecot", "--version"}).out.starts_with("2.3");
+    const auto* listen = newer ? "listen" : "address";
+    const auto changed = newer ? fmt::format(R"(ssl_server_cert_file = {0}/cert.pem
+ssl_server_key_file = {0}/cert.key
+mail_driver = maildir
+mail_path = ~/Maildir
+passdb passwd-file {{
+  default_password_scheme = PLAIN
+  passwd_file_path = {0}/users
+}}
+userdb static {{
+  fields {{
+    uid = nobody
+    gid = nogroup
+    home = {0}/home/%{{user}}
+  }}
+}}
+)",
+                                             at)
+                               : fmt::format(R"(ssl_cert = <{0}/cert.pem
 ssl_key = <{0}/cert.key
-default_login_user = nobody
-default_internal_user = nobody
-default_internal_group = nogroup
-first_valid_uid = 1
-auth_failure_delay = 0
 mail_location = maildir:~/Maildir
-hostname = localhost
-submission_relay_host = 127.0.0.1
-submission_relay_port = {5}
 passdb {{
   driver = passwd-file
   args = scheme=PLAIN {0}/users
@@ -107,40 +125,51 @@ userdb {{
   driver = static
   args = uid=nobody gid=nogroup home={0}/home/%u
 }}
-service anvil {{
+)",
+                                             at);
+    return fmt::format(R"({6}base_dir = {0}/run
+state_dir = {0}/run
+log_path = {0}/dovecot.log
+protocols = imap submission
+ssl = yes
+default_login_user = nobody
+default_internal_user = nobody
+default_internal_group = nogroup
+first_valid_uid = 1
+auth_failure_delay = 0
+hostname = localhost
+submission_relay_host = 127.0.0.1
+submission_relay_port = {5}
+{7}service anvil {{
   chroot =
 }}
 service imap-login {{
   chroot =
   inet_listener imap {{
-    address = 127.0.0.1
+    {8} = 127.0.0.1
     port = {1}
   }}
   inet_listener imaps {{
-    address = 127.0.0.1
+    {8} = 127.0.0.1
     port = {2}
   }}
 }}
 service submission-login {{
   chroot =
   inet_listener submission {{
-    address = 127.0.0.1
+    {8} = 127.0.0.1
     port = {3}
   }}
   inet_listener submissions {{
-    address = 127.0.0.1
+    {8} = 127.0.0.1
     port = {4}
     ssl = yes
   }}
 }}
 )",
-                                      at, imap_, imaps_, submission_, smtps_, relay_));
-    // What the two have built in (/var/spool/smtpd, /run/smtpd.sock) is covered by file systems of their own.
-    write("start",
-          fmt::format("set -e\n"
-                      "mount -t tmpfs tmpfs /var/spool\nmkdir -m 711 /var/spool/smtpd\nmount -t tmpfs tmpfs /run\n"
-                      "smtpd -d -f {0}/smtpd.conf &\nexec dovecot -F -c {0}/dovecot.conf\n",
-                      at));
+                       at, imap_, imaps_, submission_, smtps_, relay_,
+                       newer ? "dovecot_config_version = 2.4.0\ndovecot_storage_version = 2.4.0\n" : "", changed,
+                       listen);
 }
 
 mail_host::~mail_host() {

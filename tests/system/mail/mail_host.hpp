@@ -33,6 +33,7 @@ public:
     std::string other_certificate() const { return (folder_ / "other.pem").string(); }
 
 private:
+    std::string dovecot_conf() const;
     void write(const std::string& name, const std::string& text) const;
 
     std::filesystem::path folder_;
