@@ -75,9 +75,10 @@ bool ledger::undisturbed(const record& of) const {
 }
 
 bool ledger::calm(const std::string& one, const record& of) const {
-    return weather_.calm(one, of.terms.to, of.began) &&
-           std::ranges::all_of(of.terms.any_of,
-                               [&](const std::string& host) { return weather_.calm(one, host, of.began); });
+    auto reached = [&](const std::string& host) { return weather_.calm(one, host, of.began); };
+    const auto rivals = rivalled.find(of.terms.component);
+    return reached(of.terms.to) && std::ranges::all_of(of.terms.any_of, reached) &&
+           (rivals == rivalled.end() || std::ranges::all_of(rivals->second, reached));
 }
 
 bool ledger::handler_cancelled(const record& of) const {

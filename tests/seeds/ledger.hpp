@@ -6,6 +6,7 @@
 
 #include <ise/core/result.hpp>
 
+#include <map>
 #include <set>
 #include <unordered_map>
 #include <vector>
@@ -57,7 +58,7 @@ public:
     void finish();
 
     /// Others took this path: whoever listens at its first holder's endpoint may have stopped.
-    std::set<std::string> rivalled;
+    std::map<std::string, std::set<std::string>> rivalled; // and on which hosts
 
     std::size_t open_calls(std::uint64_t life) const;
     std::uint64_t made() const noexcept { return last_; }

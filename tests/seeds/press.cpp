@@ -23,7 +23,7 @@ std::uint64_t press::current(const std::string& by) const {
 
 reading::reading(journal& events, ise::sim::world& world, const press& published, sabotage& planted, std::string who,
                  std::string provider, const ise::subscribe_options& terms, ise::duration linger,
-                 const std::set<std::string>& rivalled)
+                 const std::map<std::string, std::set<std::string>>& rivalled)
     : journal_(events), world_(world), press_(published), planted_(planted), who_(std::move(who)),
       provider_(std::move(provider)), terms_(terms), linger_(linger), rivalled_(rivalled),
       life_at_begin_(press_.current(provider_)),

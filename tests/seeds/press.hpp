@@ -51,7 +51,7 @@ class reading {
 public:
     reading(journal& events, ise::sim::world& world, const press& published, sabotage& planted, std::string who,
             std::string provider, const ise::subscribe_options& terms, ise::duration linger,
-            const std::set<std::string>& rivalled);
+            const std::map<std::string, std::set<std::string>>& rivalled);
 
     /// `subscribe` has completed.
     void committed();
@@ -76,7 +76,7 @@ private:
     std::string who_, provider_;
     ise::subscribe_options terms_;
     ise::duration linger_;
-    const std::set<std::string>& rivalled_; // of these, who holds the name changes to and fro
+    const std::map<std::string, std::set<std::string>>& rivalled_; // of these, who holds the name changes to and fro
     std::uint64_t life_at_begin_, published_at_begin_;
     std::uint64_t life_at_commit_ = 0, published_at_commit_ = 0;
     std::uint64_t life_ = 0, number_ = 0;

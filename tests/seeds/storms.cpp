@@ -163,7 +163,7 @@ void storms::begin(const fault_plan& what) {
 void storms::rival(const fault_plan& what) {
     auto one = stage_.plan.components[what.process];
     auto home = stage_.plan.processes[one.process].host;
-    stage_.calls.rivalled.insert(one.path);
+    stage_.calls.rivalled[one.path].insert(what.host);
     bool cut_off = what.amount % 4 != 0;
     if (cut_off) {
         auto ordered = home <= "ns" ? std::pair(home, std::string("ns")) : std::pair(std::string("ns"), home);
