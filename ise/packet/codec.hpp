@@ -54,13 +54,19 @@ bool copy_whole(bytes_view input, T& value) {
 /// Decodes into an existing value, reusing its memory. All of the input must be consumed.
 /// Throws `malformed` naming type, field and cause, or `too_large` beyond the limits; the value is then unspecified.
 template <class T>
-void decode_into(T& value, bytes_view input, const decode_limits& limits = {}) {
+void decode_into(T& value, bytes_view input, const decode_limits& limits) {
     if constexpr (check_packet<T>()) {
         if (detail::copy_whole(input, value)) return;
         detail::reader in(input, limits);
         if (!detail::read_whole(in, value)) [[unlikely]]
             throw error(in.take_failure(type_name<T>));
     }
+}
+/// The same with the usual limits.
+template <class T>
+void decode_into(T& value, bytes_view input) {
+    if constexpr (check_packet<T>())
+        if (!detail::copy_whole(input, value)) decode_into(value, input, decode_limits());
 }
 
 /// Decodes a packet: as `decode_into`, by value.

@@ -4,6 +4,7 @@
 #include <ise/core/ring.hpp>
 
 #include <cstddef>
+#include <span>
 #include <utility>
 
 namespace ise {
@@ -54,6 +55,12 @@ public:
         size_ += next.size_;
         return true;
     }
+    /// Grows by so many bytes that were made right behind it.
+    void grow(std::size_t size) noexcept { size_ += size; }
+    /// Whether it ends where `other` does, in the same memory.
+    bool ends_with(const shared_bytes& other) const noexcept {
+        return other.block_ == block_ && other.data_ + other.size_ == data_ + size_;
+    }
 
 private:
     friend class shared_bytes_maker;
@@ -90,6 +97,16 @@ public:
     shared_bytes share();
     /// So many bytes, uninitialized: `open()` and write every one of them.
     shared_bytes make(std::size_t size);
+    /// The memory right behind `newest`, if that was made last; else none.
+    std::span<std::byte> room_behind(const shared_bytes& newest) const noexcept {
+        if (!newest || newest.block_ != chunk_.block_) return {};
+        auto& chunk = chunk_.block_->content;
+        auto* end = chunk.data() + chunk.size();
+        if (newest.data_ + newest.size_ != end) return {};
+        return {end, chunk.capacity() - chunk.size()};
+    }
+    /// So many bytes of that memory were written.
+    void grow(std::size_t size) noexcept { chunk_.block_->content.grow(size); }
     /// To complete what was made here and nobody else has seen yet.
     static std::byte* open(const shared_bytes& made) noexcept { return const_cast<std::byte*>(made.data_); }
 

@@ -156,7 +156,11 @@ published_packet dynamic_publication::made(const dynamic_packet& packet) const {
     return to.encoded(current_trace(), raw.view());
 }
 
-void dynamic_publication::operator()(const dynamic_packet& packet) const { core().publish(made(packet)); }
+void dynamic_publication::operator()(const dynamic_packet& packet) const {
+    auto& to = core();
+    const fitted_bytes raw(packet, type_);
+    to.publish(current_trace(), raw.view());
+}
 
 void dynamic_publication::publish_if(const dynamic_packet& packet,
                                      function_ref<bool(const subscriber_info&)> wants) const {

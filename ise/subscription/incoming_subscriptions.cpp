@@ -162,6 +162,10 @@ void incoming_subscriptions::admit(std::uint64_t id, wire::subscribe terms, cons
     (*who)->attach(*this, id); // behind the answer
 }
 
+void incoming_subscriptions::settle() noexcept {
+    for (auto& [id, one] : by_id_) one.publication->settle();
+}
+
 void incoming_subscriptions::end(std::uint64_t id, const failure& why, std::uint64_t lost) {
     forget(id);
     if (!over().open()) return;

@@ -29,6 +29,7 @@ public:
     void review();
     /// Ends every one.
     void end_all(const failure& why);
+    void settle() noexcept override;
     void end(std::uint64_t id, const failure& why, std::uint64_t lost) override;
     void forget(std::uint64_t id) noexcept override { by_id_.erase(id); }
     std::size_t size() const noexcept { return by_id_.size(); }

@@ -29,19 +29,27 @@ inline trace_id read_trace(const std::byte* at) noexcept {
     return made;
 }
 
-/// Completes a frame of `size` bytes; `id` is a subscription's. With a trace, it was given the room for that.
+/// Completes a frame of `size` bytes; `id` is a subscription's.
 inline void complete(std::byte* frame, std::size_t size, std::uint64_t id, std::uint64_t sequence,
-                     wall_time published_at, const trace_id& trace = trace_id()) noexcept {
+                     wall_time published_at) noexcept {
     wire::frame_header header;
     header.type = wire::frame_type::packet;
-    header.flags = trace ? wire::flag::stamped | wire::flag::caused : wire::flag::stamped;
+    header.flags = wire::flag::stamped;
     header.length = static_cast<std::uint32_t>(size - wire::frame_header::size);
     header.id = id;
     wire::store_header(frame, header);
     detail::store_little(frame + wire::frame_header::size, sequence);
     detail::store_little(frame + wire::frame_header::size + 8,
                          static_cast<std::int64_t>(published_at.time_since_epoch().count()));
-    if (trace) put_trace(frame + head_bytes, trace);
+}
+
+/// The same with its trace, if it has one: it was given the room for that.
+inline void complete(std::byte* frame, std::size_t size, std::uint64_t id, std::uint64_t sequence,
+                     wall_time published_at, const trace_id& trace) noexcept {
+    complete(frame, size, id, sequence, published_at);
+    if (!trace) return;
+    frame[5] = static_cast<std::byte>(wire::flag::stamped | wire::flag::caused);
+    put_trace(frame + head_bytes, trace);
 }
 
 inline bool has_trace(const std::byte* frame) noexcept {

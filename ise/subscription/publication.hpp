@@ -64,9 +64,9 @@ public:
 
     /// Publishes to all subscribers. The packet is encoded before this returns, or copied once for subscribers of this
     /// process, which share the copy.
-    void operator()(const packet_type& packet) const { core().publish(made(packet)); }
+    void operator()(const packet_type& packet) const { publish_now(packet); }
     /// The same by move: subscribers of this process share the moved packet, without a copy.
-    void operator()(packet_type&& packet) const { core().publish(made(std::move(packet))); }
+    void operator()(packet_type&& packet) const { publish_now(std::move(packet)); }
 
     /// A compile error for packets of another type; so are the next two.
     template <class Other>
@@ -118,19 +118,28 @@ private:
     template <class Packet>
     send_packet send_made(Packet&& packet) const {
         if (!core().has_room()) return send_packet(core_, made(std::forward<Packet>(packet)));
-        core().publish(made(std::forward<Packet>(packet)));
+        publish_now(std::forward<Packet>(packet));
         return {};
     }
     template <class Packet>
+    void publish_now(Packet&& packet) const {
+        auto& to = core();
+        give(to, std::forward<Packet>(packet),
+             [&to](auto&&... what) { to.publish(std::forward<decltype(what)>(what)...); });
+    }
+    template <class Packet>
     published_packet made(Packet&& packet) const {
-        if constexpr (travels_as_object<packet_type>) {
-            if (core().wants_object()) {
-                return {share_packet<packet_type>(std::forward<Packet>(packet)), current_trace()};
-            }
-        }
-        if constexpr (detail::codec<packet_type>::raw)
-            return core().encoded(current_trace(), detail::raw_bytes(packet));
-        else return core().encoded(current_trace(), [&packet](buffer& out) { encode(packet, out); });
+        auto& by = core();
+        return give(by, std::forward<Packet>(packet),
+                    [&by](auto&&... what) { return by.encoded(std::forward<decltype(what)>(what)...); });
+    }
+    // Gives the trace that it belongs to, and the packet as what it is published as.
+    template <class Packet, class To>
+    static auto give(const publication_core& of, Packet&& packet, To to) {
+        if constexpr (travels_as_object<packet_type>)
+            if (of.wants_object()) return to(current_trace(), share_packet<packet_type>(std::forward<Packet>(packet)));
+        if constexpr (detail::codec<packet_type>::raw) return to(current_trace(), detail::raw_bytes(packet));
+        else return to(current_trace(), [&packet](buffer& out) { encode(packet, out); });
     }
 
     std::shared_ptr<publication_core> core_;

@@ -26,7 +26,7 @@ constexpr std::size_t max_frame_bytes = std::numeric_limits<std::uint32_t>::max(
 publication_core::publication_core(service_runtime& runtime, std::string name, const packet_types& types)
     : subscriber_group(runtime, std::move(name)), types_(types) {}
 
-publication_core::~publication_core() = default;
+publication_core::~publication_core() { settle(); }
 
 void publication_core::throw_empty() {
     throw error(errc::invalid_argument, "an empty publication: assign what `publish(service)` gave first");
@@ -43,6 +43,7 @@ std::uint64_t publication_core::longest_for(std::uint64_t number) const noexcept
 
 // The head is completed in publish.
 published_packet publication_core::encoded(const trace_id& trace, function_ref<void(buffer&)> write_packet) {
+    settle(); // what is made now lies behind the run
     auto& room = maker_.room();
     room.grow(packet_frame::head_size(trace));
     write_packet(room);
@@ -51,6 +52,7 @@ published_packet publication_core::encoded(const trace_id& trace, function_ref<v
 }
 
 published_packet publication_core::encoded(const trace_id& trace, bytes_view packet) {
+    settle();
     const auto head = packet_frame::head_size(trace);
     const auto size = head + packet.size();
     if (size > max_frame_bytes) throw_too_large(size);
@@ -79,7 +81,63 @@ void publication_core::record_publication(trace_id& trace) const {
     trace.parent = id;
 }
 
+void publication_core::publish(const trace_id& trace, function_ref<void(buffer&)> write_packet) {
+    auto& room = maker_.room();
+    const auto head = packet_frame::head_size(trace);
+    room.grow(head);
+    write_packet(room);
+    if (room.size() <= shared_bytes_maker::small_bytes) return publish(trace, room.view().subspan(head));
+    if (room.size() > max_frame_bytes) throw_too_large(room.size());
+    publish({maker_.share(), trace});
+}
+
+void publication_core::publish(const trace_id& trace, bytes_view packet) {
+    const auto size = packet_frame::head_bytes + packet.size();
+    if (!run_.takes(size) || trace) [[unlikely]]
+        return publish_behind(trace, packet);
+    auto* frame = run_.take(size);
+    packet_frame::complete(frame, size, usual_id, ++sequence_, runtime().publication_time());
+    if (!packet.empty()) std::memcpy(frame + packet_frame::head_bytes, packet.data(), packet.size());
+    ++runtime().counts().packets_published;
+}
+
+// The run is over, or there was none.
+void publication_core::publish_behind(const trace_id& trace, bytes_view packet) { publish(encoded(trace, packet)); }
+
+// Where several packets in a row went the same way to everybody.
+void publication_core::begin_run() noexcept {
+    const auto memory = maker_.room_behind(last_->frame);
+    if (memory.empty() || all_.empty()) return;
+    remote_subscriber::common_room room{memory.size() / packet_frame::head_bytes, max_frame_bytes};
+    for (const auto& who : all_) {
+        const auto its = who.room_behind(last_->frame);
+        room.packets = std::min(room.packets, its.packets);
+        room.cost = std::min(room.cost, its.cost / all_.size());
+    }
+    const auto packets = std::min(room.packets, room.cost / (2 * send_queue::item_bytes));
+    if (packets == 0) return;
+    const auto items = packets * send_queue::item_bytes;
+    const auto bytes_left = std::min(memory.size(), room.cost - items);
+    run_ = {packets, memory.data(), memory.data() + bytes_left, nullptr, items + bytes_left};
+    for (auto& who : all_) who.reserve(run_.reserved);
+}
+
+void publication_core::end_run() noexcept {
+    const auto ended = std::exchange(run_, {});
+    const auto packets = static_cast<std::size_t>(sequence_ - last_->sequence);
+    const auto begin = last_->frame.view();
+    const auto size = static_cast<std::size_t>(ended.next - (begin.data() + begin.size()));
+    for (auto& who : all_) who.extend(packets, size, ended.reserved);
+    if (packets == 0) return;
+    maker_.grow(size);
+    last_->frame.grow(size);
+    last_->frame.drop_front(static_cast<std::size_t>(ended.newest - begin.data()));
+    last_->sequence = sequence_;
+    last_->published_at = packet_frame::published_at(ended.newest);
+}
+
 void publication_core::publish(published_packet&& packet, const choice* wants) {
+    settle();
     packet.sequence = sequence_ + 1;
     packet.published_at = runtime().publication_time();
     if (packet.trace) [[unlikely]]
@@ -97,8 +155,12 @@ void publication_core::publish(published_packet&& packet, const choice* wants) {
         if (wants && !(*wants)(who.info())) who.pass();
         else if (!who.offer(packet)) too_slow = true;
     }
-    if (wants) selective_ = true;
-    else last_ = std::move(packet);
+    if (wants) {
+        selective_ = true;
+    } else {
+        last_ = std::move(packet);
+        begin_run();
+    }
     if (too_slow) end_too_slow();
 }
 
@@ -140,14 +202,15 @@ void publication_core::end_too_slow() {
     }
 }
 
-std::size_t publication_core::queued() const noexcept {
+std::size_t publication_core::queued() noexcept {
+    settle();
     std::size_t sum = 0;
     for (const auto& who : all_) sum += who.queued();
     return sum;
 }
 
-bool publication_core::has_room() const noexcept {
-    if (lossless == 0) return true;
+bool publication_core::each_has_room() noexcept {
+    settle();
     for (const auto& who : all_)
         if (who.holds_up()) return false;
     return true;
@@ -257,6 +320,7 @@ result<remote_subscriber*> publication_core::subscribe(subscriber_line& from, co
                                                        const adapter* adapt, bool takes_objects,
                                                        wire::subscribed& answer, std::uint64_t& lost) {
     if (stopped_) return *stopped_;
+    settle();
     answer.incarnation = runtime().self().incarnation;
     if (!terms.resume.empty()) {
         if (terms.resume.front().incarnation == runtime().self().incarnation)
@@ -275,6 +339,7 @@ result<remote_subscriber*> publication_core::subscribe(subscriber_line& from, co
         if (!decided) return decided.error();
         response = std::move(*decided);
     }
+    settle(); // what that published
     auto& who = all_.emplace_back(*this, terms, std::move(info), takes_objects);
     if (stopped_) { // by that decision
         drop(who);
@@ -295,6 +360,7 @@ bytes publication_core::unsubscribe(remote_subscriber& who, bytes_view request, 
 }
 
 void publication_core::end(remote_subscriber& who, const failure& why) {
+    settle();
     who.end(why);
     drop(who);
 }
@@ -317,6 +383,7 @@ void publication_core::drop(remote_subscriber& who) {
 }
 
 subscriber_info publication_core::take_out(remote_subscriber& who) {
+    settle();
     std::list<remote_subscriber> gone;
     auto found = std::find_if(all_.begin(), all_.end(), [&](const auto& entry) { return &entry == &who; });
     gone.splice(gone.end(), all_, found);

@@ -44,13 +44,19 @@ public:
     published_packet encoded(const trace_id& trace, function_ref<void(buffer&)> write_packet);
     /// The same of a packet that is encoded already.
     published_packet encoded(const trace_id& trace, bytes_view packet);
+    /// A packet that is shared as it is.
+    published_packet encoded(const trace_id& trace, shared_packet packet) { return {std::move(packet), trace}; }
     using choice = function_ref<bool(const subscriber_info&)>;
     /// Publishes to all subscribers; never blocks. With `wants`: only to those that it names; for the others it is
     /// skipped, which is no loss, and it is no last value.
     void publish(published_packet&& packet, const choice* wants = nullptr);
+    /// The same for what `encoded` takes, to all.
+    void publish(const trace_id& trace, function_ref<void(buffer&)> write_packet);
+    void publish(const trace_id& trace, bytes_view packet);
+    void publish(const trace_id& trace, shared_packet packet) { publish(encoded(trace, std::move(packet))); }
     void publish_to(published_packet packet, choice wants) { publish(std::move(packet), &wants); }
     /// Whether every lossless subscriber that is connected has room for one more packet.
-    bool has_room() const noexcept;
+    bool has_room() noexcept { return run_.packets_left > 0 || lossless == 0 || each_has_room(); }
     /// Waits until it has, or a subscriber has been silent for too long. Cancellation: terminal.
     task<> wait_for_room();
     /// The same, then publishes.
@@ -62,7 +68,7 @@ public:
     std::size_t subscribers() const noexcept;
     std::uint64_t published() const noexcept { return sequence_; }
     /// Packets that wait to be sent, at all subscribers.
-    std::size_t queued() const noexcept;
+    std::size_t queued() noexcept;
 
     /// What functions of a publication that is none throw.
     [[noreturn]] static void throw_empty();
@@ -96,6 +102,11 @@ public:
     void vanish(remote_subscriber& who) override;
 
 private:
+    bool each_has_room() noexcept;
+    // Not inlined: it needs more registers than the usual path has to save.
+    [[gnu::noinline]] void publish_behind(const trace_id& trace, bytes_view packet);
+    void begin_run() noexcept;
+    void end_run() noexcept override;
     result<remote_subscriber*> resume(remote_subscriber& who, const wire::subscribe& terms, bool takes_objects,
                                       wire::subscribed& answer, std::uint64_t& lost);
     failure cannot_resume(const wire::subscribe& terms, std::uint64_t& lost) const;

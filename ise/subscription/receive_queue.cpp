@@ -17,4 +17,19 @@ void receive_queue::make_room(std::size_t more) {
     begin_ = 0;
 }
 
+// What belongs to the oldest packet beside its frame; gives how many were lost before it.
+std::uint64_t receive_queue::pop_marked() noexcept {
+    if (front_marks() & object_mark) auto gone = objects_.pop_front();
+    if (front_marks() & traced_mark) traces_.pop_front();
+    return packet_frame::id_of(front_frame());
+}
+
+// A burst's room is given back when the queue has been emptied some times in a row with little in it.
+void receive_queue::drained() noexcept {
+    if (content_.capacity() <= kept_bytes || begin_ >= content_.capacity() / 16) little_ = 0;
+    else if (++little_ == little_before_freed) content_ = buffer();
+    content_.clear();
+    begin_ = 0;
+}
+
 } // namespace ise

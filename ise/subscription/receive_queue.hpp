@@ -44,7 +44,11 @@ public:
     /// The oldest; only where there is one. Valid until the next push or pop; a shared object may be taken out of it.
     incoming_packet front() noexcept {
         if (front_marks() & object_mark) return {{}, &objects_.front()};
-        return {{front_frame() + packet_frame::head_bytes, front_size() - packet_frame::head_bytes}, nullptr};
+        return {front_bytes(), nullptr};
+    }
+    /// The same where none comes as an object.
+    bytes_view front_bytes() const noexcept {
+        return {front_frame() + packet_frame::head_bytes, front_size() - packet_frame::head_bytes};
     }
     /// Of the oldest, if it belongs to a trace; only where there is one.
     const traced_arrival* front_trace() const noexcept {
@@ -54,18 +58,10 @@ public:
     packet_origin pop() noexcept {
         packet_origin from;
         from.published_at = packet_frame::published_at(front_frame());
-        if (front_marks() != as_it_came) {
-            from.lost_before = packet_frame::id_of(front_frame());
-            if (front_marks() & object_mark) auto gone = objects_.pop_front();
-            if (front_marks() & traced_mark) traces_.pop_front();
-        }
+        if (front_marks() != as_it_came) [[unlikely]]
+            from.lost_before = pop_marked();
         begin_ += front_size();
-        if (--count_ > 0) return from;
-        // A burst's room is given back when the queue has been emptied some times in a row with little in it.
-        if (content_.capacity() <= kept_bytes || begin_ >= content_.capacity() / 16) little_ = 0;
-        else if (++little_ == little_before_freed) content_ = buffer();
-        content_.clear();
-        begin_ = 0;
+        if (--count_ == 0) drained();
         return from;
     }
 
@@ -99,6 +95,8 @@ private:
     static constexpr std::size_t kept_bytes = 4 * 1024; // of an empty queue, at least
     static constexpr unsigned little_before_freed = 16;
     void make_room(std::size_t more);
+    std::uint64_t pop_marked() noexcept;
+    void drained() noexcept;
 
     buffer content_;
     ring<passed_object> objects_;

@@ -109,9 +109,10 @@ void remote_subscriber::write_objects() {
 }
 
 void remote_subscriber::attach(subscriber_line& over, std::uint64_t id) {
+    group_.settle();
     stop_lingering();
     line_ = &over;
-    line_->held_bytes() += held();
+    hold(held());
     id_ = group_.usual_id = id;
     queue_.readdress();
     sent_ = 0;
@@ -121,12 +122,14 @@ void remote_subscriber::attach(subscriber_line& over, std::uint64_t id) {
 
 void remote_subscriber::let_go(const subscriber_line& of) {
     if (line_ != &of) return;
+    group_.settle();
     line_->wire().out().remove(*this);
     line_ = nullptr;
 }
 
 void remote_subscriber::detach() {
     if (!line_) return;
+    group_.settle();
     line_->wire().out().remove(*this);
     line_->held_bytes() -= held();
     line_ = nullptr;
@@ -152,7 +155,13 @@ send_queue::stretch remote_subscriber::pop(std::uint64_t most) {
 
 void remote_subscriber::keep(const send_queue::stretch& sent) {
     sent_packets_.push(sent);
-    if (line_) line_->held_bytes() += sent.cost();
+    if (line_) hold(sent.cost());
+}
+
+// While a run is open, its session is within its bytes: whether there is room can be said without a look at it.
+void remote_subscriber::hold(std::size_t bytes) noexcept {
+    line_->held_bytes() += bytes;
+    if (line_->held_bytes() > max_bytes_) line_->settle();
 }
 
 void remote_subscriber::resume(const wire::subscribe& terms, bool takes_objects) {
@@ -236,10 +245,29 @@ void remote_subscriber::grant(std::uint64_t total) {
     wake();
 }
 
-bool remote_subscriber::full(std::size_t more) const noexcept {
+bool remote_subscriber::full(std::size_t more, std::size_t grace) const noexcept {
     if (queue_.size() - resent_ >= depth_) return true;
-    const auto waiting = line_ ? line_->held_bytes() : held();
-    return !queue_.empty() && waiting + more > max_bytes_;
+    auto beyond = [&] { return !queue_.empty() && (line_ ? line_->held_bytes() : held()) + more > max_bytes_ + grace; };
+    if (!beyond()) return false;
+    if (line_) line_->settle(); // others may hold what they do not need
+    return beyond();
+}
+
+remote_subscriber::common_room remote_subscriber::room_behind(const shared_bytes& newest) const noexcept {
+    if (!line_ || min_interval_ > duration{} || beyond_ > 0 || !queue_.ends_with_run(newest)) return {0, 0};
+    const auto waiting = queue_.size() - resent_;
+    const auto held = line_->held_bytes();
+    common_room room{depth_ - std::min(depth_, waiting), max_bytes_ - std::min(max_bytes_, held)};
+    if (policy_ == overflow::lossless && may_send() && queue_.cost() < written_at_once)
+        room.cost = std::min(room.cost, written_at_once - queue_.cost());
+    return room;
+}
+
+void remote_subscriber::extend(std::size_t packets, std::size_t size, std::size_t reserved) noexcept {
+    line_->held_bytes() -= reserved;
+    if (packets == 0) return;
+    line_->held_bytes() += size + packets * send_queue::item_bytes;
+    queue_.extend(packets, size);
 }
 
 bool remote_subscriber::offer(const published_packet& packet) {
@@ -254,14 +282,17 @@ bool remote_subscriber::offer(const published_packet& packet) {
         next_allowed_ = saturating_add(now, min_interval_);
     }
     // A publisher that waits asks for room before it knows how large the next packet is: that one may go beyond the
-    // bytes.
-    const auto more = policy_ == overflow::lossless ? 0 : size;
-    if ((beyond_ > 0 || full(more)) && !make_room(more)) return !line_; // out of reach it is told when it comes back
+    // bytes, at every lossless subscriber of a session.
+    const bool waits = policy_ == overflow::lossless;
+    const auto more = waits ? 0 : size;
+    const auto grace = waits ? (group_.lossless - 1) * (size + send_queue::item_bytes) : 0;
+    if ((beyond_ > 0 || full(more, grace)) && !make_room(more))
+        return !line_; // out of reach it is told when it comes back
     const auto skipped = std::exchange(skipped_, 0);
     if (object) queue_.push(packet.object, packet.sequence, packet.published_at, packet.trace, skipped);
     else queue_.push(packet.frame, skipped, packet_frame::id_of(packet.frame.view().data()) == id_);
     if (!line_) return true;
-    line_->held_bytes() += size + send_queue::item_bytes;
+    hold(size + send_queue::item_bytes);
     if (queue_.size() == 1) wake(); // else it is awake, or waits for credit
     if (policy_ == overflow::lossless && queue_.cost() >= written_at_once && may_send()) line_->wire().written_much();
     return true;
@@ -297,6 +328,7 @@ std::uint64_t remote_subscriber::longest() const noexcept {
 }
 
 bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
+    group_.settle();
     const auto& wire = line_->wire();
     const auto most = longest();
     // Where none of them can be too large for the peer, nor goes in pieces or beside the stream, nor without its time

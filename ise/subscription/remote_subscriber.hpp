@@ -17,6 +17,8 @@ public:
     net::connection& wire() const noexcept { return over_.wire(); }
     std::size_t& held_bytes() noexcept { return held_bytes_; }
     std::size_t held_bytes() const noexcept { return held_bytes_; }
+    /// Settles the publications of all that are reached over it.
+    virtual void settle() noexcept = 0;
     /// Tells a subscriber that its subscription is over, and how many packets it does not get for that.
     virtual void end(std::uint64_t id, const failure& why, std::uint64_t lost) = 0;
     /// A subscription has moved to another session, or its publication has gone.
@@ -46,6 +48,17 @@ public:
 
     /// False: the queue is full, and the policy is to end it then.
     bool offer(const published_packet& packet);
+    struct common_room {
+        std::size_t packets;
+        std::size_t cost;
+    };
+    /// For how many packets right behind this one, the newest, it has room, and of what cost together; none where they
+    /// have to be offered.
+    common_room room_behind(const shared_bytes& newest) const noexcept;
+    /// So much is held at its session for a run of them.
+    void reserve(std::size_t cost) noexcept { line_->held_bytes() += cost; }
+    /// What that run has become: so many packets, of so many bytes.
+    void extend(std::size_t packets, std::size_t size, std::size_t reserved) noexcept;
     /// Whether it is given objects, where there are any; else frames.
     void take_objects(bool wanted) noexcept;
     /// A packet was published that is not meant for this one.
@@ -84,6 +97,7 @@ public:
 
 private:
     void wake();
+    void hold(std::size_t bytes) noexcept;
     void resume_at(std::uint64_t next);
     send_queue::stretch pop(std::uint64_t most);
     void keep(const send_queue::stretch& sent);
@@ -94,7 +108,7 @@ private:
     void put_alone(net::outbox& out);
     bool make_room(std::size_t more);
     void drop_oldest(std::uint64_t& reason);
-    bool full(std::size_t more) const noexcept;
+    bool full(std::size_t more, std::size_t grace = 0) const noexcept;
     void put_object(net::outbox& out);
     void write_objects();
     void stop_lingering();

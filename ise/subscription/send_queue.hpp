@@ -53,6 +53,21 @@ public:
     void push(const shared_packet& object, std::uint64_t sequence, wall_time published_at, const trace_id& trace,
               std::uint32_t skipped);
 
+    /// Whether the newest packets are a stretch, several of them, that ends with this frame.
+    bool ends_with_run(const shared_bytes& frame) const noexcept {
+        if (stretches_.empty()) return false;
+        const auto& last = stretches_[stretches_.size() - 1];
+        return last.packets > 1 && last.frames.ends_with(frame);
+    }
+    /// So many packets lie behind the newest stretch, and belong to it.
+    void extend(std::size_t packets, std::size_t size) noexcept {
+        auto& last = stretches_[stretches_.size() - 1];
+        last.packets += packets;
+        last.frames.grow(size);
+        packets_ += packets;
+        cost_ += size + packets * item_bytes;
+    }
+
     /// The oldest; only where there is one.
     const stretch& front() const noexcept { return stretches_.front(); }
     /// Takes the first `most` packets of the oldest stretch.

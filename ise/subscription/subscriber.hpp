@@ -139,13 +139,14 @@ public:
     /// Whether there is a packet to take: decodes the oldest one, and drops those that cannot be decoded.
     bool decode_front() {
         while (!queue_.empty()) {
-            auto waiting = queue_.front();
-            if constexpr (travels_as_object<packet_type>) {
-                shared_ = waiting.template shared<packet_type>();
-                if (shared_) return true;
-            }
             try {
-                decode_into(*unheld(), waiting.bytes());
+                if constexpr (travels_as_object<packet_type>) {
+                    auto waiting = queue_.front();
+                    shared_ = waiting.template shared<packet_type>();
+                    if (!shared_) decode_into(*unheld(), waiting.bytes());
+                } else {
+                    decode_into(*unheld(), queue_.front_bytes());
+                }
                 return true;
             } catch (const error& unreadable) {
                 drop_undecodable(unreadable);

@@ -145,7 +145,9 @@ void subscriber_core::on_sent(subscription_session& over, std::uint64_t id) {
     session_ = &over;
     id_ = id;
     consumed_ = 0;
-    granted_ = granted_at_first_ = capacity_ - std::min(queue_.size(), capacity_); // as terms() said
+    granted_at_first_ = capacity_ - std::min(queue_.size(), capacity_); // as terms() said
+    grant_at_ = options_.policy == overflow::lossless ? std::max<std::uint64_t>(1, capacity_ / 2)
+                                                      : std::numeric_limits<std::uint64_t>::max();
     held_.clear();
     comparing_ = false;
     on_sent_to(over.over().wire().terms().peer.incarnation);
@@ -388,23 +390,11 @@ void subscriber_core::follow_trace() {
     work_for(in);
 }
 
-packet_origin subscriber_core::take_packet() {
-    if (queue_.front_trace() || detail::trace_here()) [[unlikely]]
-        follow_trace();
-    auto from = queue_.pop();
-    from.lost_before = gap_of(std::exchange(gap_, 0), from.lost_before);
-    let_another_come();
-    return from;
-}
-
-// A packet takes no room any more. New credit in portions: a frame for every packet would cost as much as the packet.
-void subscriber_core::let_another_come() {
-    ++consumed_;
-    if (options_.policy != overflow::lossless || !session_) return;
-    auto allowed = granted_at_first_ + consumed_;
-    if (allowed - granted_ < std::max<std::uint64_t>(1, capacity_ / 2)) return;
-    granted_ = allowed;
-    session_->grant(*this, granted_);
+// New credit in portions: a frame for every packet would cost as much as the packet.
+void subscriber_core::grant() {
+    if (!session_) return;
+    grant_at_ = consumed_ + std::max<std::uint64_t>(1, capacity_ / 2);
+    session_->grant(*this, granted_at_first_ + consumed_);
 }
 
 void subscriber_core::drop_undecodable(const error& why) {

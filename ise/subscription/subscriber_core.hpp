@@ -168,7 +168,15 @@ protected:
 
     /// The oldest packet of `queue_` was decoded: takes it, and returns how many packets were lost before it, and when
     /// it was published.
-    packet_origin take_packet();
+    packet_origin take_packet() {
+        if (queue_.front_trace() || detail::trace_here()) [[unlikely]]
+            follow_trace();
+        auto from = queue_.pop();
+        if (gap_ != 0) [[unlikely]]
+            from.lost_before = detail::gap_of(std::exchange(gap_, 0), from.lost_before);
+        let_another_come();
+        return from;
+    }
     /// The oldest packet of `queue_` is no such packet: it is lost, and the next one reports that.
     void drop_undecodable(const error& why);
     waiter<>::operation wait_for_packet() noexcept { return packet_.wait(); }
@@ -198,7 +206,12 @@ private:
     void follow_trace();
     void finish(failure why);
     void drop_oldest();
-    void let_another_come();
+    /// A packet takes no room any more.
+    void let_another_come() {
+        if (++consumed_ >= grant_at_) [[unlikely]]
+            grant();
+    }
+    void grant();
     void count_undecodable(const error& why);
     void refuse_packets(const failure& why);
     void adapt_to(const std::vector<schema>& theirs, wire::subscribed& answer);
@@ -221,7 +234,7 @@ private:
     std::uint64_t lost_before_ = 0; // the next packet that arrives
     std::uint64_t gap_ = 0;         // before the next packet that is taken, besides what it says itself
     std::uint64_t consumed_ = 0;
-    std::uint64_t granted_ = 0;
+    std::uint64_t grant_at_ = 0; // of those consumed
     std::uint64_t granted_at_first_ = 0;
     bool established_ = false;
     bool comparing_ = false; // the schema of the published packet was asked for

@@ -43,9 +43,35 @@ struct publication_losses {
     std::uint64_t ended = 0;          ///< subscribers that were too slow for a policy that drops nothing
 };
 
+/// Packets that lie right behind the newest one in memory, and that every subscriber takes: they are counted here, and
+/// not offered to each, until somebody looks at a queue. So a burst costs the same however many subscribe.
+struct common_run {
+    std::size_t packets_left = 0; ///< for which each subscriber has room
+    std::byte* next = nullptr;    ///< where the next frame goes; null: there is no run
+    std::byte* end = nullptr;     ///< of the memory for frames
+    std::byte* newest = nullptr;  ///< the last frame; null: none yet
+    std::size_t reserved = 0;     ///< of memory, at the session of each subscriber
+
+    bool takes(std::size_t frame) const noexcept {
+        return packets_left > 0 && frame <= static_cast<std::size_t>(end - next);
+    }
+    /// Where that frame goes.
+    std::byte* take(std::size_t frame) noexcept {
+        --packets_left;
+        newest = next;
+        next += frame;
+        return newest;
+    }
+};
+
 /// What the subscribers of one publication share, and what they ask of it.
 class subscriber_group {
 public:
+    /// Gives each subscriber its packets of the common run; before anything that looks at a queue.
+    void settle() noexcept {
+        if (run_.next) end_run();
+    }
+
     service_runtime& runtime() const noexcept { return runtime_; }
     const std::string& name() const noexcept { return name_; }
 
@@ -66,6 +92,9 @@ public:
     std::size_t object_takers = 0; ///< subscribers
 
 protected:
+    virtual void end_run() noexcept = 0;
+    common_run run_;
+
     subscriber_group(service_runtime& runtime, std::string name) : runtime_(runtime), name_(std::move(name)) {}
     ~subscriber_group() = default;
 

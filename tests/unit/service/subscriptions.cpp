@@ -4,7 +4,14 @@
 #include <support/catch.hpp>
 #include <support/sim_parties.hpp>
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <functional>
 #include <optional>
+#include <random>
+#include <string>
+#include <vector>
 
 namespace subscriptions_test {
 
@@ -511,6 +518,117 @@ TEST_CASE("what the rate limit leaves out is counted apart from what was lost") 
     CHECK(got->stream->counts().skipped == 36);
     CHECK(got->stream->counts().lost_at_provider == 0);
     CHECK(std::count(got->gaps.begin(), got->gaps.end(), 0u) == 5);
+}
+
+namespace {
+
+struct heard_runs {
+    std::string name;
+    ise::subscribe_options options;
+    shared_reading got = std::make_shared<reading>();
+    std::uint64_t first = 0;  // of those published since it subscribed
+    std::uint64_t passed = 0; // that were for others only
+};
+
+ise::task<> hold_service(ise::remote from, ise::subscription<fix> what, shared_reading into,
+                         ise::subscribe_options options) {
+    auto fixes = co_await from.subscribe(what, options);
+    into->stream.emplace(std::move(fixes));
+}
+
+// Each number once and in order, and each that is missing is counted.
+void check_run(const heard_runs& one, std::uint64_t published) {
+    INFO(one.name);
+    const auto& got = *one.got;
+    REQUIRE(got.packets.size() == got.gaps.size());
+    std::uint64_t lost = 0;
+    for (const auto& gap : got.gaps) lost += gap.value();
+    const auto& counts = got.stream->counts();
+    CHECK(got.packets.size() + lost + counts.skipped == published - one.first);
+    CHECK(counts.skipped == one.passed);
+    CHECK(std::is_sorted(got.packets.begin(), got.packets.end(), std::less_equal<>()));
+    if (!got.packets.empty()) CHECK(got.packets.back() == static_cast<double>(published));
+    if (one.options.policy != ise::overflow::lossless) return;
+    INFO((got.stream->ended() ? got.stream->cause().message() : std::string()));
+    CHECK_FALSE(got.stream->ended());
+    CHECK(lost == 0);
+}
+
+constexpr ise::subscription<fix> ports[] = {ise::subscription<fix>("north"), ise::subscription<fix>("south")};
+
+// Two publications of one session, with little memory for it where the seed is even.
+void play_bursts(unsigned seed) {
+    INFO("seed " << seed);
+    std::mt19937 random(seed);
+    auto draw = [&](unsigned below) { return random() % below; };
+    ise::service_options options;
+    if (seed % 2 == 0) options.session_bytes = 1024; // four times as much may wait
+    sim_parties all(seed);
+    party& boat = all.add("boat", options);
+    party& shore = all.add("shore");
+    ise::publication<ise::subscription<fix>> out[] = {boat.publish(ports[0]), boat.publish(ports[1])};
+    boat.listen("tcp://0.0.0.0:7400");
+    std::vector<heard_runs> hearers[2];
+    const ise::subscribe_options policies[] = {
+        ise::subscribe_options::lossless(200), ise::subscribe_options::keep_last(300),
+        ise::subscribe_options::keep_last(5), ise::subscribe_options::keep_latest()};
+    auto subscribe = [&](unsigned port) {
+        heard_runs made{fmt::format("{} of {}", hearers[port].size(), port), policies[draw(4)]};
+        if (seed % 2 == 0 && draw(2)) made.options = policies[0];
+        made.options.last_value = false;
+        all.run(shore, hold_service(shore.at("tcp://boat:7400"), ports[port], made.got, made.options));
+        made.first = out[port].published();
+        hearers[port].push_back(std::move(made));
+    };
+    for (unsigned port : {0u, 1u, 0u, 1u}) subscribe(port);
+    for (int round = 0; round < 30; ++round) {
+        {
+            ise::loop::turn in(boat.on);
+            for (auto bursts = draw(6); bursts > 0; --bursts) {
+                const auto port = draw(2);
+                auto& to = out[port];
+                const auto whom = 1 + draw(2);
+                const bool for_some =
+                    draw(2) && hearers[port][whom - 1].options.policy != ise::overflow::lossless; // it may overflow
+                for (auto packets = draw(60); packets > 0; --packets) {
+                    auto packet = at_latitude(static_cast<double>(to.published() + 1));
+                    if (!to.try_send(packet)) break;
+                    if (!for_some || draw(8) != 0) continue;
+                    to.publish_if(at_latitude(static_cast<double>(to.published() + 1)),
+                                  [&](const ise::subscriber_info& who) { return who.number == whom; });
+                    for (std::size_t place = 0; place < hearers[port].size(); ++place)
+                        if (place + 1 != whom) ++hearers[port][place].passed;
+                }
+            }
+        }
+        if (draw(3) == 0) all.world.run_for(std::chrono::milliseconds(1 + draw(50)));
+        if (draw(3) == 0)
+            for (auto& port : hearers)
+                for (auto& one : port) drain(*one.got);
+        if (draw(10) == 0) subscribe(draw(2));
+    }
+    for (unsigned port : {0u, 1u}) {
+        while (true) { // one that everybody gets
+            all.world.run_for(100ms);
+            for (auto& one : hearers[port]) drain(*one.got);
+            ise::loop::turn in(boat.on);
+            if (out[port].try_send(at_latitude(static_cast<double>(out[port].published() + 1)))) break;
+        }
+        for (int times = 0; times < 3; ++times) {
+            all.world.run_for(100ms);
+            for (auto& one : hearers[port]) drain(*one.got);
+        }
+        for (const auto& one : hearers[port]) check_run(one, out[port].published());
+    }
+    for (auto& port : hearers) port.clear();
+    all.stop();
+}
+
+} // namespace
+
+TEST_CASE("bursts reach each subscriber by its policy, whatever comes between their packets and however little memory "
+          "there is") {
+    for (unsigned seed = 1; seed <= 60; ++seed) play_bursts(seed);
 }
 
 TEST_CASE("a slow subscriber does not slow another") {
