@@ -66,7 +66,8 @@ void decode_into(T& value, bytes_view input, const decode_limits& limits) {
 template <class T>
 void decode_into(T& value, bytes_view input) {
     if constexpr (check_packet<T>())
-        if (!detail::copy_whole(input, value)) decode_into(value, input, decode_limits());
+        if (!detail::copy_whole(input, value)) [[unlikely]]
+            decode_into(value, input, decode_limits());
 }
 
 /// Decodes a packet: as `decode_into`, by value.

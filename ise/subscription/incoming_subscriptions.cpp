@@ -162,7 +162,7 @@ void incoming_subscriptions::admit(std::uint64_t id, wire::subscribe terms, cons
     (*who)->attach(*this, id); // behind the answer
 }
 
-void incoming_subscriptions::settle() noexcept {
+void incoming_subscriptions::settle_all() noexcept {
     for (auto& [id, one] : by_id_) one.publication->settle();
 }
 

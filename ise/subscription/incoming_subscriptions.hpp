@@ -29,12 +29,12 @@ public:
     void review();
     /// Ends every one.
     void end_all(const failure& why);
-    void settle() noexcept override;
     void end(std::uint64_t id, const failure& why, std::uint64_t lost) override;
     void forget(std::uint64_t id) noexcept override { by_id_.erase(id); }
     std::size_t size() const noexcept { return by_id_.size(); }
 
 private:
+    void settle_all() noexcept override;
     // A request to subscribe whose schemas are being compared: it takes of the session's bytes as long as it is held.
     struct asked {
         asked(wire::subscribe what, std::size_t size, held_budget& of)

@@ -133,7 +133,8 @@ private:
         return give(by, std::forward<Packet>(packet),
                     [&by](auto&&... what) { return by.encoded(std::forward<decltype(what)>(what)...); });
     }
-    // Gives the trace that it belongs to, and the packet as what it is published as.
+    // Calls `to` with the trace that the packet belongs to, and with the packet as an object, as bytes, or as a function
+    // that writes it.
     template <class Packet, class To>
     static auto give(const publication_core& of, Packet&& packet, To to) {
         if constexpr (travels_as_object<packet_type>)

@@ -104,16 +104,18 @@ void publication_core::publish(const trace_id& trace, bytes_view packet) {
 // The run is over, or there was none.
 void publication_core::publish_behind(const trace_id& trace, bytes_view packet) { publish(encoded(trace, packet)); }
 
-// Where several packets in a row went the same way to everybody.
+// A run begins once every subscriber has queued a few packets that lie one behind the other.
 void publication_core::begin_run() noexcept {
     const auto memory = maker_.room_behind(last_->frame);
     if (memory.empty() || all_.empty()) return;
-    remote_subscriber::common_room room{memory.size() / packet_frame::head_bytes, max_frame_bytes};
+    remote_subscriber::run_room room{memory.size() / packet_frame::head_bytes, max_frame_bytes};
     for (const auto& who : all_) {
-        const auto its = who.room_behind(last_->frame);
+        const auto its = who.room_for_run(last_->frame);
         room.packets = std::min(room.packets, its.packets);
         room.cost = std::min(room.cost, its.cost / all_.size());
+        if (room.packets == 0) return;
     }
+    // Up to half of the room is for what holding the packets costs, the rest for their frames.
     const auto packets = std::min(room.packets, room.cost / (2 * send_queue::item_bytes));
     if (packets == 0) return;
     const auto items = packets * send_queue::item_bytes;
@@ -134,6 +136,8 @@ void publication_core::end_run() noexcept {
     last_->frame.drop_front(static_cast<std::size_t>(ended.newest - begin.data()));
     last_->sequence = sequence_;
     last_->published_at = packet_frame::published_at(ended.newest);
+    last_->object = {};
+    last_->trace = {};
 }
 
 void publication_core::publish(published_packet&& packet, const choice* wants) {
@@ -152,7 +156,9 @@ void publication_core::publish(published_packet&& packet, const choice* wants) {
     ++runtime().counts().packets_published;
     bool too_slow = false;
     for (auto& who : all_) {
-        if (wants && !(*wants)(who.info())) who.pass();
+        const bool wanted = !wants || (*wants)(who.info());
+        if (wants) settle(); // it may have published
+        if (!wanted) who.pass();
         else if (!who.offer(packet)) too_slow = true;
     }
     if (wants) {

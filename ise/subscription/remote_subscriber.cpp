@@ -112,7 +112,8 @@ void remote_subscriber::attach(subscriber_line& over, std::uint64_t id) {
     group_.settle();
     stop_lingering();
     line_ = &over;
-    hold(held());
+    line_->held_bytes() += held();
+    stay_within_bytes();
     id_ = group_.usual_id = id;
     queue_.readdress();
     sent_ = 0;
@@ -155,12 +156,13 @@ send_queue::stretch remote_subscriber::pop(std::uint64_t most) {
 
 void remote_subscriber::keep(const send_queue::stretch& sent) {
     sent_packets_.push(sent);
-    if (line_) hold(sent.cost());
+    if (!line_) return;
+    line_->held_bytes() += sent.cost();
+    stay_within_bytes();
 }
 
-// While a run is open, its session is within its bytes: whether there is room can be said without a look at it.
-void remote_subscriber::hold(std::size_t bytes) noexcept {
-    line_->held_bytes() += bytes;
+// A session beyond its bytes has no open runs: who has one need not look at its sessions to say that there is room.
+void remote_subscriber::stay_within_bytes() noexcept {
     if (line_->held_bytes() > max_bytes_) line_->settle();
 }
 
@@ -245,25 +247,31 @@ void remote_subscriber::grant(std::uint64_t total) {
     wake();
 }
 
-bool remote_subscriber::full(std::size_t more, std::size_t grace) const noexcept {
+bool remote_subscriber::full(std::size_t more, std::size_t same) const noexcept {
     if (queue_.size() - resent_ >= depth_) return true;
-    auto beyond = [&] { return !queue_.empty() && (line_ ? line_->held_bytes() : held()) + more > max_bytes_ + grace; };
+    auto beyond = [&] { return !queue_.empty() && (line_ ? line_->held_bytes() : held()) + more > max_bytes_ + same; };
     if (!beyond()) return false;
-    if (line_) line_->settle(); // others may hold what they do not need
+    if (line_) line_->settle();
     return beyond();
 }
 
-remote_subscriber::common_room remote_subscriber::room_behind(const shared_bytes& newest) const noexcept {
+remote_subscriber::run_room remote_subscriber::room_for_run(const shared_bytes& newest) const noexcept {
     if (!line_ || min_interval_ > duration{} || beyond_ > 0 || !queue_.ends_with_run(newest)) return {0, 0};
     const auto waiting = queue_.size() - resent_;
     const auto held = line_->held_bytes();
-    common_room room{depth_ - std::min(depth_, waiting), max_bytes_ - std::min(max_bytes_, held)};
+    run_room room{depth_ - std::min(depth_, waiting), max_bytes_ - std::min(max_bytes_, held)};
     if (policy_ == overflow::lossless && may_send() && queue_.cost() < written_at_once)
         room.cost = std::min(room.cost, written_at_once - queue_.cost());
     return room;
 }
 
+void remote_subscriber::reserve(std::size_t cost) noexcept {
+    line_->reserved_bytes() += cost;
+    line_->held_bytes() += cost;
+}
+
 void remote_subscriber::extend(std::size_t packets, std::size_t size, std::size_t reserved) noexcept {
+    line_->reserved_bytes() -= reserved;
     line_->held_bytes() -= reserved;
     if (packets == 0) return;
     line_->held_bytes() += size + packets * send_queue::item_bytes;
@@ -285,14 +293,15 @@ bool remote_subscriber::offer(const published_packet& packet) {
     // bytes, at every lossless subscriber of a session.
     const bool waits = policy_ == overflow::lossless;
     const auto more = waits ? 0 : size;
-    const auto grace = waits ? (group_.lossless - 1) * (size + send_queue::item_bytes) : 0;
-    if ((beyond_ > 0 || full(more, grace)) && !make_room(more))
+    const auto same = waits && line_ ? line_->held_by(group_, packet.sequence) : 0;
+    if ((beyond_ > 0 || full(more, same)) && !make_room(more))
         return !line_; // out of reach it is told when it comes back
     const auto skipped = std::exchange(skipped_, 0);
     if (object) queue_.push(packet.object, packet.sequence, packet.published_at, packet.trace, skipped);
     else queue_.push(packet.frame, skipped, packet_frame::id_of(packet.frame.view().data()) == id_);
     if (!line_) return true;
-    hold(size + send_queue::item_bytes);
+    line_->hold(size + send_queue::item_bytes, group_, packet.sequence);
+    stay_within_bytes();
     if (queue_.size() == 1) wake(); // else it is awake, or waits for credit
     if (policy_ == overflow::lossless && queue_.cost() >= written_at_once && may_send()) line_->wire().written_much();
     return true;
@@ -357,6 +366,7 @@ bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
                     "a packet of '{}' with {} bytes is larger than its subscriber accepts: {} (max_message_bytes)",
                     group_.name(), packet, most),
                 info_.peer);
+            group_.settle(); // who reads the log may have published
             drop_oldest(group_.losses.too_large);
             continue;
         }

@@ -17,8 +17,20 @@ public:
     net::connection& wire() const noexcept { return over_.wire(); }
     std::size_t& held_bytes() noexcept { return held_bytes_; }
     std::size_t held_bytes() const noexcept { return held_bytes_; }
-    /// Settles the publications of all that are reached over it.
-    virtual void settle() noexcept = 0;
+    /// Of these, what open runs (`common_run`) have reserved.
+    std::size_t& reserved_bytes() noexcept { return reserved_bytes_; }
+    /// Gives back what open runs have reserved and do not use.
+    void settle() noexcept {
+        if (reserved_bytes_ > 0) settle_all();
+    }
+    /// Of these, what the packet that is being published has taken at other subscribers of its publication.
+    std::size_t held_by(const subscriber_group& group, std::uint64_t sequence) const noexcept {
+        return newest_.of == &group && newest_.sequence == sequence ? newest_.bytes : 0;
+    }
+    void hold(std::size_t bytes, const subscriber_group& group, std::uint64_t sequence) noexcept {
+        newest_ = {&group, sequence, held_by(group, sequence) + bytes};
+        held_bytes_ += bytes;
+    }
     /// Tells a subscriber that its subscription is over, and how many packets it does not get for that.
     virtual void end(std::uint64_t id, const failure& why, std::uint64_t lost) = 0;
     /// A subscription has moved to another session, or its publication has gone.
@@ -27,10 +39,19 @@ public:
 protected:
     explicit subscriber_line(conversation& over) noexcept : over_(over) {}
     ~subscriber_line() = default;
+    /// Settles the publications of all that are reached over it.
+    virtual void settle_all() noexcept = 0;
 
 private:
+    struct packet_share {
+        const subscriber_group* of = nullptr;
+        std::uint64_t sequence = 0;
+        std::size_t bytes = 0;
+    };
     conversation& over_;
     std::size_t held_bytes_ = 0;
+    std::size_t reserved_bytes_ = 0;
+    packet_share newest_;
 };
 
 /// One subscriber at the provider: its queue, its policy, and the session it is reached over, if any.
@@ -48,16 +69,16 @@ public:
 
     /// False: the queue is full, and the policy is to end it then.
     bool offer(const published_packet& packet);
-    struct common_room {
+    struct run_room {
         std::size_t packets;
         std::size_t cost;
     };
     /// For how many packets right behind this one, the newest, it has room, and of what cost together; none where they
     /// have to be offered.
-    common_room room_behind(const shared_bytes& newest) const noexcept;
+    run_room room_for_run(const shared_bytes& newest) const noexcept;
     /// So much is held at its session for a run of them.
-    void reserve(std::size_t cost) noexcept { line_->held_bytes() += cost; }
-    /// What that run has become: so many packets, of so many bytes.
+    void reserve(std::size_t cost) noexcept;
+    /// What became of that run: so many packets, of so many bytes.
     void extend(std::size_t packets, std::size_t size, std::size_t reserved) noexcept;
     /// Whether it is given objects, where there are any; else frames.
     void take_objects(bool wanted) noexcept;
@@ -97,7 +118,7 @@ public:
 
 private:
     void wake();
-    void hold(std::size_t bytes) noexcept;
+    void stay_within_bytes() noexcept;
     void resume_at(std::uint64_t next);
     send_queue::stretch pop(std::uint64_t most);
     void keep(const send_queue::stretch& sent);
@@ -108,7 +129,8 @@ private:
     void put_alone(net::outbox& out);
     bool make_room(std::size_t more);
     void drop_oldest(std::uint64_t& reason);
-    bool full(std::size_t more, std::size_t grace = 0) const noexcept;
+    /// Whether a packet does not fit that takes `more` bytes; of those that are held, `same` are its own.
+    bool full(std::size_t more, std::size_t same = 0) const noexcept;
     void put_object(net::outbox& out);
     void write_objects();
     void stop_lingering();

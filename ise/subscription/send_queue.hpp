@@ -53,7 +53,7 @@ public:
     void push(const shared_packet& object, std::uint64_t sequence, wall_time published_at, const trace_id& trace,
               std::uint32_t skipped);
 
-    /// Whether the newest packets are a stretch, several of them, that ends with this frame.
+    /// Whether its newest stretch has more than one packet, the last of which is this one.
     bool ends_with_run(const shared_bytes& frame) const noexcept {
         if (stretches_.empty()) return false;
         const auto& last = stretches_[stretches_.size() - 1];

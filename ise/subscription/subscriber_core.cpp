@@ -323,10 +323,7 @@ result<bool> subscriber_core::admit(const packet_place& place, incoming_packet& 
     const auto sequence = place.sequence;
     const auto skipped = place.skipped;
     if (!established_) {
-        while (!held_.hold(place, packet)) {
-            if (held_.size() == 0) return false; // it is larger than all that may be held
-            held_.drop_oldest();
-        }
+        while (!held_.hold(place, packet)) held_.drop_oldest();
         return false;
     }
     if (sequence < next_sequence_ && session_ && session_->over().wire().lossy()) {

@@ -234,7 +234,7 @@ private:
     std::uint64_t lost_before_ = 0; // the next packet that arrives
     std::uint64_t gap_ = 0;         // before the next packet that is taken, besides what it says itself
     std::uint64_t consumed_ = 0;
-    std::uint64_t grant_at_ = 0; // of those consumed
+    std::uint64_t grant_at_ = 0; // when so many are consumed
     std::uint64_t granted_at_first_ = 0;
     bool established_ = false;
     bool comparing_ = false; // the schema of the published packet was asked for

@@ -53,7 +53,8 @@ struct common_run {
     std::size_t reserved = 0;     ///< of memory, at the session of each subscriber
 
     bool takes(std::size_t frame) const noexcept {
-        return packets_left > 0 && frame <= static_cast<std::size_t>(end - next);
+        return packets_left > 0 && frame <= static_cast<std::size_t>(end - next) &&
+               frame <= shared_bytes_maker::small_bytes;
     }
     /// Where that frame goes.
     std::byte* take(std::size_t frame) noexcept {

@@ -53,6 +53,11 @@ struct watch_answer {
 };
 constexpr ise::subscription<fix, watch_area, watch_answer, watch_area, watch_answer> watched{"watched"};
 
+struct tale {
+    std::string text;
+};
+constexpr ise::subscription<tale> tales{"tales"};
+
 dynamic_contract as_dynamic(const auto& service) {
     std::vector<std::string> texts;
     for (const auto& packet : service.types().schemas) texts.push_back(packet.text());
@@ -258,6 +263,33 @@ TEST_CASE("a dynamic publication reaches typed subscribers, and packets of anoth
     at.all.run_until([&] { return got->done; });
     CHECK(got->get() == std::vector<double>{1, 2, 3});
     CHECK(out.published() == 3);
+}
+
+TEST_CASE("a packet that is larger than a subscriber accepts is left out and counted, also in the middle of a burst") {
+    ise::service_options little;
+    little.accepts.max_message_bytes = 6000;
+    fixture at;
+    auto& strict = at.all.add("strict", little);
+    auto out = at.publish(as_dynamic(tales));
+    auto told = [&](std::size_t length) { return ise::to_dynamic(tale{std::string(length, 'x')}); };
+    auto got =
+        at.all.run(strict, strict.at("tcp://boat:7400").subscribe(tales, ise::subscribe_options::keep_last(200)));
+    {
+        ise::loop::turn in(at.boat.on);
+        for (int i = 0; i < 60; ++i) out(told(100));
+        out(told(8000));
+        for (int i = 0; i < 60; ++i) out(told(100));
+    }
+    at.all.world.run_for(1s);
+    std::size_t packets = 0;
+    std::uint64_t lost = 0;
+    while (auto packet = got.try_next()) {
+        CHECK(packet->text.size() == 100);
+        lost += packet.lost_before().value();
+        ++packets;
+    }
+    CHECK(packets == 120);
+    CHECK(lost == 1);
 }
 
 TEST_CASE("a dynamic publication waits for lossless subscribers, and publishes for some") {

@@ -9,6 +9,9 @@
 #include <ise/service/dynamic.hpp>
 
 #include <atomic>
+#include <optional>
+#include <string>
+#include <vector>
 
 namespace objects_test {
 
@@ -267,6 +270,29 @@ TEST_CASE("objects: a last value that cannot be written is no reason to refuse a
     out(watched("heard"));
     CHECK(f.run(take(far, 1)).front()->text == "heard");
     CHECK(f.boat.warnings.size() == 1);
+}
+
+TEST_CASE("objects: the last value is the newest packet, also where the ones before were objects and it is bytes") {
+    fixture f;
+    auto out = f.boat.publish(news);
+    auto far = f.run(f.shore.at(f.boat.listen("tcp://0.0.0.0:7400")).subscribe(news));
+    auto near = std::make_optional(f.run(f.there.subscribe(news, ise::subscribe_options::lossless(1))));
+    auto send = [](ise::publication<ise::subscription<watched>> to, std::vector<std::string> said) -> ise::task<> {
+        for (const auto& text : said) {
+            watched packet(text);
+            co_await to.send(packet);
+        }
+    };
+    auto full = start(f.boat.on, send(out, {"1", "2"})); // one here, one held back there
+    CHECK(f.run_until([&] { return full->done; }));
+    auto first = start(f.boat.on, send(out, {"3"})), second = start(f.boat.on, send(out, {"4", "5", "6"}));
+    f.all.world.run_for(100ms);
+    CHECK(out.published() == 2);
+    near.reset();
+    CHECK(f.run_until([&] { return first->done && second->done; }));
+    auto later = f.run(f.there.subscribe(news));
+    CHECK(f.run(take(later, 1)).front()->text == "6");
+    CHECK(f.run(take(far, 6)).back()->text == "6");
 }
 
 TEST_CASE("objects: types that only look the same are talked to in bytes") {

@@ -631,6 +631,83 @@ TEST_CASE("bursts reach each subscriber by its policy, whatever comes between th
     for (unsigned seed = 1; seed <= 60; ++seed) play_bursts(seed);
 }
 
+namespace {
+
+struct note {
+    std::string text;
+};
+constexpr ise::subscription<note> notes("notes");
+using note_stream = ise::subscriber<ise::subscription<note>>;
+
+std::size_t take_all(note_stream& from) {
+    std::size_t packets = 0;
+    while (from.try_next()) ++packets;
+    return packets;
+}
+
+// 40,000 bytes may wait for one session, so some 38 packets.
+struct little_memory {
+    static ise::service_options options() {
+        ise::service_options made;
+        made.session_bytes = 10'000;
+        return made;
+    }
+    sim_parties all;
+    party& boat = all.add("boat", options());
+    ise::publication<ise::subscription<note>> out = boat.publish(notes);
+    const note thousand{std::string(1000, 'x')};
+
+    little_memory() { boat.listen("tcp://0.0.0.0:7400"); }
+    note_stream subscribe(party& by, ise::subscribe_options options) {
+        options.last_value = false;
+        return all.run(by, by.at("tcp://boat:7400").subscribe(notes, options));
+    }
+};
+
+} // namespace
+
+TEST_CASE("what a publisher asks room for reaches a lossless subscriber, whoever takes the last bytes of its session") {
+    little_memory at;
+    auto& shore = at.all.add("shore");
+    auto latest = at.subscribe(shore, ise::subscribe_options::keep_latest());
+    auto lossless = at.subscribe(shore, ise::subscribe_options::lossless(30));
+    std::size_t sent = 0;
+    for (bool room = true; room && sent < 100; at.all.world.run_for(10ms)) {
+        ise::loop::turn in(at.boat.on);
+        room = at.out.try_send(at.thousand);
+        sent += room;
+    }
+    CHECK(sent > 30);
+    CHECK(sent < 45);
+    std::size_t got = 0;
+    for (int i = 0; i < 5; ++i) {
+        got += take_all(lossless);
+        at.all.world.run_for(1s);
+    }
+    CHECK(got == sent);
+    CHECK_FALSE(lossless.ended());
+}
+
+TEST_CASE("lossless subscribers of other sessions do not take a session beyond its bytes") {
+    little_memory at;
+    auto& slow = at.all.add("slow");
+    auto held = at.subscribe(slow, ise::subscribe_options::lossless(30));
+    auto& fast = at.all.add("fast");
+    std::vector<note_stream> others;
+    for (int i = 0; i < 20; ++i) others.push_back(at.subscribe(fast, ise::subscribe_options::lossless(30)));
+    while (!held.ended()) { // by a publisher that does not wait
+        {
+            ise::loop::turn in(at.boat.on);
+            at.out(at.thousand);
+        }
+        at.all.world.run_for(10ms);
+        for (auto& one : others) take_all(one);
+        REQUIRE(at.out.published() < 100);
+    }
+    CHECK(at.out.published() < 45);
+    CHECK(at.out.subscribers() == 20);
+}
+
 TEST_CASE("a slow subscriber does not slow another") {
     fixture at;
     auto& far = at.all.add("far");
