@@ -133,8 +133,7 @@ private:
         return give(by, std::forward<Packet>(packet),
                     [&by](auto&&... what) { return by.encoded(std::forward<decltype(what)>(what)...); });
     }
-    // Calls `to` with the trace that the packet belongs to, and with the packet as an object, as bytes, or as a function
-    // that writes it.
+    // Calls `to` with the packet's trace, and with the packet as an object, as bytes, or as a function that writes it.
     template <class Packet, class To>
     static auto give(const publication_core& of, Packet&& packet, To to) {
         if constexpr (travels_as_object<packet_type>)
