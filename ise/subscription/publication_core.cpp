@@ -43,7 +43,7 @@ std::uint64_t publication_core::longest_for(std::uint64_t number) const noexcept
 
 // The head is completed in publish.
 published_packet publication_core::encoded(const trace_id& trace, function_ref<void(buffer&)> write_packet) {
-    settle(); // what is made now lies behind the run
+    settle(); // the new frame is placed behind the run
     auto& room = maker_.room();
     room.grow(packet_frame::head_size(trace));
     write_packet(room);
@@ -345,7 +345,7 @@ result<remote_subscriber*> publication_core::subscribe(subscriber_line& from, co
         if (!decided) return decided.error();
         response = std::move(*decided);
     }
-    settle(); // what that published
+    settle(); // the callback may have published
     auto& who = all_.emplace_back(*this, terms, std::move(info), takes_objects);
     if (stopped_) { // by that decision
         drop(who);

@@ -17,7 +17,7 @@ void receive_queue::make_room(std::size_t more) {
     begin_ = 0;
 }
 
-// What belongs to the oldest packet beside its frame; gives how many were lost before it.
+// Removes the object and the trace of the oldest packet; returns the number of packets lost before it.
 std::uint64_t receive_queue::pop_marked() noexcept {
     if (front_marks() & object_mark) auto gone = objects_.pop_front();
     if (front_marks() & traced_mark) traces_.pop_front();

@@ -161,7 +161,7 @@ void remote_subscriber::keep(const send_queue::stretch& sent) {
     stay_within_bytes();
 }
 
-// A session beyond its bytes has no open runs: who has one need not look at its sessions to say that there is room.
+// A session beyond its bytes has no open runs, so an open run implies that its sessions have room.
 void remote_subscriber::stay_within_bytes() noexcept {
     if (line_->held_bytes() > max_bytes_) line_->settle();
 }
@@ -295,7 +295,7 @@ bool remote_subscriber::offer(const published_packet& packet) {
     const auto more = waits ? 0 : size;
     const auto same = waits && line_ ? line_->held_by(group_, packet.sequence) : 0;
     if ((beyond_ > 0 || full(more, same)) && !make_room(more))
-        return !line_; // out of reach it is told when it comes back
+        return !line_; // an unreachable subscriber gets the failure when it resumes
     const auto skipped = std::exchange(skipped_, 0);
     if (object) queue_.push(packet.object, packet.sequence, packet.published_at, packet.trace, skipped);
     else queue_.push(packet.frame, skipped, packet_frame::id_of(packet.frame.view().data()) == id_);
@@ -366,7 +366,7 @@ bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
                     "a packet of '{}' with {} bytes is larger than its subscriber accepts: {} (max_message_bytes)",
                     group_.name(), packet, most),
                 info_.peer);
-            group_.settle(); // who reads the log may have published
+            group_.settle(); // the log sink may have published
             drop_oldest(group_.losses.too_large);
             continue;
         }

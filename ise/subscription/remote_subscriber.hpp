@@ -76,9 +76,9 @@ public:
     /// For how many packets right behind this one, the newest, it has room, and of what cost together; none where they
     /// have to be offered.
     run_room room_for_run(const shared_bytes& newest) const noexcept;
-    /// So much is held at its session for a run of them.
+    /// Reserves bytes of its session for a run.
     void reserve(std::size_t cost) noexcept;
-    /// What became of that run: so many packets, of so many bytes.
+    /// Ends the run: releases the reserved bytes and appends the run's packets, of `size` bytes, to the queue.
     void extend(std::size_t packets, std::size_t size, std::size_t reserved) noexcept;
     /// Whether it is given objects, where there are any; else frames.
     void take_objects(bool wanted) noexcept;
@@ -129,7 +129,7 @@ private:
     void put_alone(net::outbox& out);
     bool make_room(std::size_t more);
     void drop_oldest(std::uint64_t& reason);
-    /// Whether a packet does not fit that takes `more` bytes; of those that are held, `same` are its own.
+    /// Whether a packet of `more` bytes does not fit. Of the held bytes, `same` are copies of that packet.
     bool full(std::size_t more, std::size_t same = 0) const noexcept;
     void put_object(net::outbox& out);
     void write_objects();

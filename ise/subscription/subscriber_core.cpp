@@ -11,6 +11,13 @@ namespace ise {
 
 using detail::gap_of;
 
+namespace {
+
+// New credit is granted in portions: a frame for every packet would cost as much as the packet.
+std::uint64_t portion_of(std::size_t capacity) { return std::max<std::uint64_t>(1, capacity / 2); }
+
+} // namespace
+
 subscribe_options subscribe_options::keep_latest() {
     subscribe_options made;
     made.policy = overflow::keep_latest;
@@ -146,8 +153,8 @@ void subscriber_core::on_sent(subscription_session& over, std::uint64_t id) {
     id_ = id;
     consumed_ = 0;
     granted_at_first_ = capacity_ - std::min(queue_.size(), capacity_); // as terms() said
-    grant_at_ = options_.policy == overflow::lossless ? std::max<std::uint64_t>(1, capacity_ / 2)
-                                                      : std::numeric_limits<std::uint64_t>::max();
+    grant_at_ =
+        options_.policy == overflow::lossless ? portion_of(capacity_) : std::numeric_limits<std::uint64_t>::max();
     held_.clear();
     comparing_ = false;
     on_sent_to(over.over().wire().terms().peer.incarnation);
@@ -387,10 +394,9 @@ void subscriber_core::follow_trace() {
     work_for(in);
 }
 
-// New credit in portions: a frame for every packet would cost as much as the packet.
 void subscriber_core::grant() {
     if (!session_) return;
-    grant_at_ = consumed_ + std::max<std::uint64_t>(1, capacity_ / 2);
+    grant_at_ = consumed_ + portion_of(capacity_);
     session_->grant(*this, granted_at_first_ + consumed_);
 }
 

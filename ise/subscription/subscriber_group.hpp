@@ -43,8 +43,8 @@ struct publication_losses {
     std::uint64_t ended = 0;          ///< subscribers that were too slow for a policy that drops nothing
 };
 
-/// Packets that lie right behind the newest one in memory, and that every subscriber takes: they are counted here, and
-/// not offered to each, until somebody looks at a queue. So a burst costs the same however many subscribe.
+/// Packets of a burst, adjacent in memory, that every subscriber takes. They are counted here, and appended to the
+/// queues only when a queue is read, so that the cost of a packet does not depend on the number of subscribers.
 struct common_run {
     std::size_t packets_left = 0; ///< for which each subscriber has room
     std::byte* next = nullptr;    ///< where the next frame goes; null: there is no run

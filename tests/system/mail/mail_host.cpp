@@ -84,7 +84,7 @@ mail_host::mail_host() {
                       "match from any for domain \"example.org\" action \"box\"\n",
                       relay_, at));
     write("dovecot.conf", dovecot_conf());
-    // What the two have built in (/var/spool/smtpd, /run/smtpd.sock) is covered by file systems of their own.
+    // Both servers have fixed paths (/var/spool/smtpd, /run/smtpd.sock): file systems of their own are mounted there.
     write("start",
           fmt::format("set -e\n"
                       "mount -t tmpfs tmpfs /var/spool\nmkdir -m 711 /var/spool/smtpd\nmount -t tmpfs tmpfs /run\n"
@@ -92,7 +92,7 @@ mail_host::mail_host() {
                       at));
 }
 
-// The names of settings changed with 2.4 (Debian 13), which refuses those before.
+// Dovecot 2.4 (Debian 13) renamed settings and refuses the old names.
 std::string mail_host::dovecot_conf() const {
     const auto at = folder_.string();
     const bool newer = !ise_test::run_program({"/usr/sbin/dovecot", "--version"}).out.starts_with("2.3");

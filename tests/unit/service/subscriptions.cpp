@@ -76,8 +76,8 @@ ise::task<> follow(ise::remote from, shared_reading into, ise::subscribe_options
 }
 
 // Subscribes and takes nothing until it is told to.
-ise::task<> hold(ise::remote from, shared_reading into, ise::subscribe_options options) {
-    auto fixes = co_await from.subscribe(position, options);
+ise::task<> hold(ise::remote from, ise::subscription<fix> what, shared_reading into, ise::subscribe_options options) {
+    auto fixes = co_await from.subscribe(what, options);
     into->stream.emplace(std::move(fixes));
 }
 void drain(reading& from) {
@@ -120,7 +120,7 @@ struct fixture {
     }
     shared_reading sit(ise::subscribe_options options) {
         auto made = std::make_shared<reading>();
-        all.run(shore, hold(there, made, options));
+        all.run(shore, hold(there, position, made, options));
         return made;
     }
     void publish(int first, int last) {
@@ -395,7 +395,7 @@ TEST_CASE("a lossless subscriber that is out of reach holds up a publisher that 
     }
     SECTION("it is only slow") {
         auto slow = std::make_shared<reading>();
-        at.all.run(at.shore, hold(at.there, slow, ise::subscribe_options::lossless(4)));
+        at.all.run(at.shore, hold(at.there, position, slow, ise::subscribe_options::lossless(4)));
         at.all.world.run_for(10s);
         CHECK_FALSE(slow->stream->ended());
         CHECK_FALSE(sending->done);
@@ -530,12 +530,6 @@ struct heard_runs {
     std::uint64_t passed = 0; // that were for others only
 };
 
-ise::task<> hold_service(ise::remote from, ise::subscription<fix> what, shared_reading into,
-                         ise::subscribe_options options) {
-    auto fixes = co_await from.subscribe(what, options);
-    into->stream.emplace(std::move(fixes));
-}
-
 // Each number once and in order, and each that is missing is counted.
 void check_run(const heard_runs& one, std::uint64_t published) {
     INFO(one.name);
@@ -576,7 +570,7 @@ void play_bursts(unsigned seed) {
         heard_runs made{fmt::format("{} of {}", hearers[port].size(), port), policies[draw(4)]};
         if (seed % 2 == 0 && draw(2)) made.options = policies[0];
         made.options.last_value = false;
-        all.run(shore, hold_service(shore.at("tcp://boat:7400"), ports[port], made.got, made.options));
+        all.run(shore, hold(shore.at("tcp://boat:7400"), ports[port], made.got, made.options));
         made.first = out[port].published();
         hearers[port].push_back(std::move(made));
     };
