@@ -32,17 +32,15 @@ void post_to(const asio::any_io_executor& on, Work work) {
 
 } // namespace
 
+// The posted work does not take the lock: where both threads share a core, it may run before `post` has returned.
 bool loop_gate::post(unique_function<void()> work) {
-    std::lock_guard lock(mutex_); // held while posting: the executor lives as long as the loop
-    if (!loop_) return false;
-    post_to(loop_->get_executor(), [gate = shared_from_this(), work = std::move(work)]() mutable {
-        loop* into = nullptr;
-        {
-            std::lock_guard look(gate->mutex_);
-            into = gate->loop_;
-        }
-        if (!into) return;
-        loop::turn in(*into); // on the loop's own thread, which alone can end it
+    std::lock_guard lock(mutex_);
+    auto* into = loop_.load();
+    if (!into) return false;
+    post_to(into->get_executor(), [gate = shared_from_this(), work = std::move(work)]() mutable {
+        auto* here = gate->loop_.load();
+        if (!here) return;
+        loop::turn in(*here); // on the loop's own thread, which alone can end it
         work();
     });
     return true;

@@ -6,6 +6,7 @@
 #include <ise/core/unique_function.hpp>
 
 #include <algorithm>
+#include <atomic>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -28,8 +29,8 @@ private:
     friend class loop;
     void shut() noexcept;
 
-    std::mutex mutex_;
-    loop* loop_;
+    std::mutex mutex_; // while something is posted: the executor lives as long as the loop
+    std::atomic<loop*> loop_;
 };
 
 /// Wakes a loop at a given time: an Asio timer, or the virtual clock.

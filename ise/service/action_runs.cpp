@@ -136,10 +136,10 @@ result<bytes> action_runs::accept(bytes_view request, const adapter* adapt, cons
 // For one more run with a goal of so many bytes; gives how many are executed before it.
 std::optional<failure> action_runs::make_room(std::size_t goal, std::size_t& before) {
     std::vector<held_run> active;
-    std::size_t bytes = goal;
+    std::size_t goal_bytes = goal;
     for (const auto& one : all_) {
         if (one->is != provided_run::state::ended) active.push_back(one);
-        if (one->is == provided_run::state::waiting) bytes += one->goal.size();
+        if (one->is == provided_run::state::waiting) goal_bytes += one->goal.size();
     }
     if (active.size() < options_.concurrent) return std::nullopt;
     const auto waiting = active.size() - options_.concurrent; // those that begin in this turn do not
@@ -151,10 +151,10 @@ std::optional<failure> action_runs::make_room(std::size_t goal, std::size_t& bef
             if (waiting >= options_.waiting)
                 return failure(errc::overloaded,
                                fmt::format("'{}' has {} goals waiting (action_options::waiting)", name_, waiting));
-            if (bytes > options_.waiting_bytes)
+            if (goal_bytes > options_.waiting_bytes)
                 return failure(errc::overloaded,
                                fmt::format("'{}' would have goals of {} bytes waiting (action_options::waiting_bytes)",
-                                           name_, bytes));
+                                           name_, goal_bytes));
             before = waiting + 1;
             return std::nullopt;
         case when_busy::replace: break;

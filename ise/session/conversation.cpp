@@ -83,11 +83,11 @@ std::string conversation::caller_name() const {
     return "a component without a name on the same host";
 }
 
-std::optional<failure> conversation::too_large(std::string_view what, std::size_t bytes) const {
+std::optional<failure> conversation::too_large(std::string_view what, std::size_t size) const {
     const auto most = connection_->terms().peer_accepts.max_message_bytes;
-    if (bytes <= most) return std::nullopt;
+    if (size <= most) return std::nullopt;
     return failure(errc::too_large, fmt::format("{} has {} bytes, the peer accepts {} (max_message_bytes){}", what,
-                                                bytes, most, connection_->lossy() ? " over udp; use tcp" : ""));
+                                                size, most, connection_->lossy() ? " over udp; use tcp" : ""));
 }
 
 void conversation::send(wire::frame_type type, std::uint8_t flags, std::uint64_t id,

@@ -47,7 +47,7 @@ public:
     schema_exchange& schemas() noexcept { return schemas_; }
 
     /// Why the peer does not accept a frame whose body has so many bytes; `what` has them, for people.
-    std::optional<failure> too_large(std::string_view what, std::size_t bytes) const;
+    std::optional<failure> too_large(std::string_view what, std::size_t size) const;
     /// Sends a frame in line with calls and replies.
     void send(wire::frame_type type, std::uint8_t flags, std::uint64_t id, function_ref<void(buffer&)> write_body);
     /// Sends a frame that overtakes calls, replies and packets.

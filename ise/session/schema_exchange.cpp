@@ -36,13 +36,13 @@ void schema_exchange::need(const std::vector<std::uint64_t>& fingerprints, ready
 // A question keeps it until its last answer, and whoever asked as long as the session lasts, whatever the book forgets.
 std::optional<failure> schema_exchange::hold(const schema& one) {
     if (held_.contains(one.fingerprint())) return std::nullopt;
-    const auto bytes = held_bytes_ + book_.cost_of(one);
-    if (bytes > max_bytes_)
+    const auto with_it = held_bytes_ + book_.cost_of(one);
+    if (with_it > max_bytes_)
         return failure(errc::overloaded,
                        fmt::format("the schemas of this session would take {} bytes, {} are allowed (session_bytes)",
-                                   bytes, max_bytes_));
+                                   with_it, max_bytes_));
     held_.insert(one.fingerprint());
-    held_bytes_ = bytes;
+    held_bytes_ = with_it;
     return std::nullopt;
 }
 

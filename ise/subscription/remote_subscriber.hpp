@@ -27,9 +27,9 @@ public:
     std::size_t held_by(const subscriber_group& group, std::uint64_t sequence) const noexcept {
         return newest_.of == &group && newest_.sequence == sequence ? newest_.bytes : 0;
     }
-    void hold(std::size_t bytes, const subscriber_group& group, std::uint64_t sequence) noexcept {
-        newest_ = {&group, sequence, held_by(group, sequence) + bytes};
-        held_bytes_ += bytes;
+    void hold(std::size_t size, const subscriber_group& group, std::uint64_t sequence) noexcept {
+        newest_ = {&group, sequence, held_by(group, sequence) + size};
+        held_bytes_ += size;
     }
     /// Tells a subscriber that its subscription is over, and how many packets it does not get for that.
     virtual void end(std::uint64_t id, const failure& why, std::uint64_t lost) = 0;
