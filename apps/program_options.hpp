@@ -2,10 +2,29 @@
 #include <apps/command_line.hpp>
 #include <ise/component/node_options.hpp>
 #include <ise/core/log.hpp>
+#include <ise/core/time_text.hpp>
 #include <ise/transport/security.hpp>
+
+#include <fmt/format.h>
 
 #include <cstdlib>
 #include <string>
+#include <string_view>
+
+/// An option with a duration, such as 2s or 500ms, from `least` to `most`, which are written in the same way. `into`
+/// outlives the parse.
+inline command_line::option* add_duration(command_line::app& app, const std::string& name, ise::duration& into,
+                                          std::string_view least, std::string_view most,
+                                          const std::string& description) {
+    auto take = [&into, name, least, most](const std::string& text) {
+        auto given = ise::parse_duration(text);
+        if (!given) throw command_line::parse_error(name, given.error().message());
+        if (*given < *ise::parse_duration(least) || *given > *ise::parse_duration(most))
+            throw command_line::parse_error(name, fmt::format("'{}' is not from {} to {}", text, least, most));
+        into = *given;
+    };
+    return app.add_option(name, take, description)->type_name("TIME");
+}
 
 /// --key, --key-legacy, --tls and --access, as every program has them. `given` outlives the parse.
 inline void add_credentials(command_line::app& app, ise::security_options& given) {

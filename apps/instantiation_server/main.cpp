@@ -11,6 +11,7 @@
 
 #include <fmt/format.h>
 
+#include <chrono>
 #include <climits>
 #include <cstdio>
 #include <cstdlib>
@@ -34,7 +35,7 @@ struct settings {
     ise::node_options node; ///< metrics and traces
     ise::log_level log_level = ise::log_level::info;
     std::size_t instances = 64;
-    double grace_s = 5;
+    ise::duration grace = std::chrono::seconds(5);
     bool leave_running = false;
 };
 
@@ -148,7 +149,7 @@ int run(const settings& wanted) {
         if (!report.failure.empty()) ise::complain("ise_instantiation_server", report.failure);
     // What runs is ended with it, or found by the next one. After a failure (the name is another's) it is left alone.
     if (code == 0 && !wanted.leave_running) {
-        host.end_all(std::chrono::duration_cast<ise::duration>(std::chrono::duration<double>(wanted.grace_s)));
+        host.end_all(wanted.grace);
         host.remove(folder + "/state.json");
         host.remove(ise::instantiation::spare_of(folder + "/state.json"));
     }
@@ -203,9 +204,9 @@ int main(int argc, char** argv) {
     app.add_option("--max-instances", wanted.instances, "maximum number of instances, including those that have ended")
         ->check(command_line::range(1, 4096))
         ->capture_default_str();
-    app.add_option("--grace", wanted.grace_s, "seconds for its components to end when it ends")
-        ->check(command_line::range(0.0, 3600.0))
-        ->capture_default_str();
+    add_duration(app, "--grace", wanted.grace, "0s", "1h",
+                 "time for its components to end when it ends, such as 5s or 500ms")
+        ->default_str("5s");
     app.add_flag("--leave-running", wanted.leave_running,
                  "its components continue when it ends, and the next server takes them over");
     add_credentials(app, wanted.security);

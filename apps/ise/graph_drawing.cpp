@@ -66,7 +66,7 @@ void add_connection(styled_page& to, const drawn_graph& in, std::size_t which, b
             bool topic = is_topic(in, provider, one.service);
             styled_line service;
             service.add(last ? "       " : "  │    ", style::dim);
-            service.add(given ? "gives " : "uses  ");
+            service.add(given ? "provides " : "uses     ");
             service.add(printable(one.service), topic ? style::good : style::accent);
             service.add(topic ? "  topic" : "  calls", style::dim);
             if (auto rate = rate_of(in, provider, one.service); !rate.empty()) service.add("  " + rate);

@@ -2,8 +2,7 @@
 #include <ise/component/nearest.hpp>
 #include <ise/core/readable.hpp>
 #include <ise/core/result.hpp>
-#include <ise/core/time.hpp>
-#include <ise/deployment/times.hpp>
+#include <ise/core/time_text.hpp>
 
 #include <string>
 #include <string_view>
@@ -11,7 +10,6 @@
 
 namespace ise::cli {
 
-using deployment::parse_duration;
 /// "1.25 ms", "3.4 s", "2 h 05 min": three significant digits, for people.
 std::string show_duration(duration length);
 /// "1.4 MB"

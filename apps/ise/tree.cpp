@@ -58,12 +58,8 @@ std::vector<std::string> service_leaves(const surveyed& one) {
     if (!one.about) return {"(does not answer)"};
     for (const auto& service : one.about->services)
         if (!is_own_service(service.name))
-            lines.push_back(fmt::format("{:<9} {}",
-                                        !service.provided                ? "needs"
-                                        : service.kind == 0              ? "answers"
-                                        : kind_name(service) == "action" ? "performs"
-                                                                         : "publishes",
-                                        printable(service.name)));
+            lines.push_back(fmt::format("{} {}  ({})", service.provided ? "provides" : "needs   ",
+                                        printable(service.name), kind_name(service)));
     return lines;
 }
 

@@ -11,7 +11,7 @@
 
 #include <fmt/format.h>
 
-#include <cstdio>
+#include <chrono>
 #include <cstdlib>
 #include <string_view>
 
@@ -26,31 +26,12 @@ struct settings {
     std::string state;
     std::string store, store_user, store_password_file;
     ise::net::tls::identity_files store_tls;
-    std::string lease = "2s";
+    ise::duration lease = std::chrono::seconds(2);
     ise::security_options security;
     ise::node_options node; ///< metrics and traces
     ise::log_level log_level = ise::log_level::info;
     bool fresh = false;
 };
-
-// "2s", "500ms", "1.5s": a number and a unit, since a bare number would be guessed at.
-ise::duration duration_of(const std::string& text) {
-    char unit[3] = {};
-    double value = 0;
-    int used = 0;
-    if (std::sscanf(text.c_str(), "%lf%2[a-z]%n", &value, unit, &used) != 2 ||
-        static_cast<std::size_t>(used) != text.size())
-        throw command_line::parse_error("--lease",
-                                        fmt::format("'{}' is not a duration: write it like 2s or 500ms", text));
-    std::string name = unit;
-    double scale_ns = name == "s" ? 1e9 : name == "ms" ? 1e6 : 0;
-    if (scale_ns == 0)
-        throw command_line::parse_error("--lease", fmt::format("'{}' has no unit that is known: s or ms", text));
-    double ns = value * scale_ns;
-    if (!(ns >= 50e6 && ns <= 3600e9))
-        throw command_line::parse_error("--lease", fmt::format("'{}' is not from 50ms to 3600s", text));
-    return ise::duration(static_cast<std::int64_t>(ns));
-}
 
 // One for each place where a name server of this user listens; empty where nobody says where his files lie.
 std::string default_state_file(const ise::endpoint& at) {
@@ -114,7 +95,7 @@ std::optional<ise::etcd_options> store_of(const settings& wanted, ise::environme
     return made;
 }
 
-int run(const settings& wanted, ise::duration lease) {
+int run(const settings& wanted) {
     ise::component_options where;
     where.registers = false;
     for (const auto& text : wanted.listen) {
@@ -138,7 +119,7 @@ int run(const settings& wanted, ise::duration lease) {
     ise::node node(env, std::move(options));
 
     ise::name_server_options terms;
-    terms.lease = lease;
+    terms.lease = wanted.lease;
     terms.fresh = wanted.fresh;
     if (auto store = store_of(wanted, env))
         terms.store = [of = *store](ise::environment&, ise::loop& on) {
@@ -203,9 +184,9 @@ int main(int argc, char** argv) {
                     ->needs(certificate)
                     ->type_name("FILE");
     certificate->needs(key);
-    app.add_option("--lease", wanted.lease,
-                   "the longest lease, after which a lost node loses its names, such as 2s or 500ms")
-        ->capture_default_str();
+    add_duration(app, "--lease", wanted.lease, "50ms", "1h",
+                 "the longest lease, after which a lost node loses its names, such as 2s or 500ms")
+        ->default_str("2s");
     add_credentials(app, wanted.security);
     add_audit(app, wanted.security);
     add_observing(app, wanted.node);
@@ -219,7 +200,7 @@ int main(int argc, char** argv) {
                ".\nExit codes: 0 ended by a signal, 1 it cannot run, 2 wrong usage.");
     try {
         app.parse(argc, argv);
-        return run(wanted, duration_of(wanted.lease));
+        return run(wanted);
     } catch (const command_line::parse_error& wrong) {
         return app.exit(wrong);
     } catch (const std::exception& thrown) {

@@ -2,7 +2,21 @@
 
 #include <fmt/format.h>
 
-namespace ise::detail {
+#include <charconv>
+
+namespace ise {
+namespace {
+
+std::string shown(std::string_view text) {
+    std::string made;
+    for (char letter : text.substr(0, 80))
+        made += static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F ? '?' : letter;
+    return made;
+}
+
+} // namespace
+
+namespace detail {
 
 std::string iso_8601(std::chrono::sys_seconds at, std::chrono::nanoseconds fraction, int decimals) {
     auto day = std::chrono::floor<std::chrono::days>(at);
@@ -18,4 +32,23 @@ std::string iso_8601(std::chrono::sys_seconds at, std::chrono::nanoseconds fract
     return text + 'Z';
 }
 
-} // namespace ise::detail
+} // namespace detail
+
+result<duration> parse_duration(std::string_view text) {
+    double number = 0;
+    auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), number);
+    auto unit = text.substr(static_cast<std::size_t>(end - text.data()));
+    double seconds = unit.empty() || unit == "s"    ? 1
+                     : unit == "ms"                 ? 1e-3
+                     : unit == "us"                 ? 1e-6
+                     : unit == "m" || unit == "min" ? 60
+                     : unit == "h"                  ? 3600
+                                                    : 0;
+    constexpr double max_seconds = 1e9; // 30 years
+    if (problem != std::errc() || seconds == 0 || !(number >= 0) || number * seconds > max_seconds)
+        return failure(errc::invalid_argument,
+                       fmt::format("'{}' is not a duration: write 5s, 250ms, 1.5m or 2h", shown(text)));
+    return std::chrono::duration_cast<duration>(std::chrono::duration<double>(number * seconds));
+}
+
+} // namespace ise

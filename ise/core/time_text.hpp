@@ -1,7 +1,9 @@
 #pragma once
+#include <ise/core/result.hpp>
 #include <ise/core/time.hpp>
 
 #include <string>
+#include <string_view>
 
 namespace ise {
 
@@ -16,5 +18,8 @@ std::string iso_8601(std::chrono::sys_time<Duration> at, int decimals = 0) {
     auto seconds = std::chrono::floor<std::chrono::seconds>(at);
     return detail::iso_8601(seconds, at - seconds, decimals);
 }
+
+/// "5s", "250ms", "1.5m", "2h"; a bare number means seconds. errc::invalid_argument shows right ones.
+result<duration> parse_duration(std::string_view text);
 
 } // namespace ise

@@ -1,7 +1,7 @@
 #include <ise/deployment/form.hpp>
 
 #include <ise/component/nearest.hpp>
-#include <ise/deployment/times.hpp>
+#include <ise/core/time_text.hpp>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -133,7 +133,7 @@ TEST_CASE("graph shows who is connected to whom and over what, and not itself") 
     auto text = in.ise(patiently({"graph"}));
     CHECK(text.exit_code == 0);
     CHECK_THAT(text.out, Contains("  sea/console  ready\n") && Contains("─ atirma/boat  inproc") &&
-                             Contains("uses  position  topic  ") && Contains("gives position  topic  ") &&
+                             Contains("uses     position  topic  ") && Contains("provides position  topic  ") &&
                              Contains("needs beeper: missing, no component provides it"));
     CHECK_THAT(text.out, !Contains("ise/cli") && Contains("as of ") && !Contains("\x1b"));
     auto dot = in.ise(patiently({"graph", "--dot"}));
@@ -228,7 +228,8 @@ TEST_CASE("tree, services and types tell what there is") {
     CHECK_THAT(tree.out, ise_test::StartsWith("atirma/\n├─ boat  ready, ") &&
                              Contains("└─ shore/\n   └─ xbee  ready, ") && Contains("lease renewed"));
     CHECK_THAT(in.ise(patiently({"tree", "--services", "atirma/boat"})).out,
-               Contains("├─ answers   helm\n") && Contains("publishes position") && Contains("needs     beeper"));
+               Contains("├─ provides helm  (request-response)\n") && Contains("provides position  (subscription)") &&
+                   Contains("needs    beeper  ("));
     CHECK_THAT(
         in.ise(patiently({"tree", "--json"})).out,
         ise_test::StartsWith(

@@ -210,7 +210,7 @@ TEST_CASE("run runs an action, describe shows it, and echo does not begin one by
     CHECK_THAT(called.err, Contains("is an action") && Contains("ise run atirma/sailor sail_to"));
     CHECK_THAT(in.ise({"services", "atirma/sailor"}).out, Contains("sail_to") && Contains("action"));
     CHECK_THAT(in.ise({"type", "show", "atirma/sailor", "sail_to"}).out, Contains("sail_to  (action)"));
-    CHECK_THAT(in.ise({"tree", "--services"}).out, Contains("performs  sail_to"));
+    CHECK_THAT(in.ise({"tree", "--services"}).out, Contains("provides sail_to  (action)"));
     CHECK(in.ise({"run", "atirma/boat", "position"}).exit_code == 2);
 }
 

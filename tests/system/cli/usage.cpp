@@ -163,6 +163,12 @@ TEST_CASE("every program says its name and what is missing on its command line")
     CHECK_THAT(said({"ise_instantiation_server", "--name", "boat"}),
                ise_test::StartsWith("ise_instantiation_server: --programs is required\n"));
     CHECK_THAT(said({"ise_name_server", "--lease"}), ise_test::StartsWith("ise_name_server: --lease"));
+    CHECK_THAT(said({"ise_name_server", "--lease", "2 weeks"}),
+               ise_test::StartsWith("ise_name_server: --lease: '2 weeks' is not a duration: write 5s, 250ms"));
+    CHECK_THAT(said({"ise_name_server", "--lease", "20ms"}),
+               ise_test::StartsWith("ise_name_server: --lease: '20ms' is not from 50ms to 1h\n"));
+    CHECK_THAT(said({"ise_instantiation_server", "--programs", "/tmp", "--grace", "-1s"}),
+               ise_test::StartsWith("ise_instantiation_server: --grace: '-1s' is not a duration"));
     CHECK_THAT(said({"atirma"}),
                ise_test::StartsWith("atirma: one of these is required: ") && ise_test::Contains(" run "));
     CHECK_THAT(said({"atirma", "run"}), ise_test::StartsWith("atirma: one of these is required: boat-simulator "));

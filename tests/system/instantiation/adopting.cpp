@@ -175,7 +175,7 @@ TEST_CASE("a state that cannot be read is put aside and told") {
 
 TEST_CASE("an instantiation server that is asked to end ends all that it has started") {
     host here;
-    here.open({"--grace", "0.3"});
+    here.open({"--grace", "300ms"});
     here.start("sea/one", {"--set", "children=2", "--restart", "always"});
     here.start("sea/two");
     here.deafen("sea/two");

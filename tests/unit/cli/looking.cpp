@@ -288,8 +288,8 @@ TEST_CASE("a session is one connection, seen from both ends, and who only looks 
     auto dot = graph_as_dot(drawn);
     CHECK_THAT(dot, Contains(R"x("a" -> "b" [label="steer\n(tcp)")x") && Contains("dotted"));
     auto text = printed(graph_as_page(drawn), 0, false);
-    CHECK_THAT(text, Contains("b  tcp") && Contains("uses  steer  calls") && Contains("a  tcp") &&
-                         Contains("gives steer  calls") && Contains("(anonymous, tcp://10.0.0.9:4321)"));
+    CHECK_THAT(text, Contains("b  tcp") && Contains("uses     steer  calls") && Contains("a  tcp") &&
+                         Contains("provides steer  calls") && Contains("(anonymous, tcp://10.0.0.9:4321)"));
     SECTION("each end tells what it uses itself, of all their sessions together, and by a name that is declared "
             "otherwise") {
         b.about->sessions.front().uses = {"account"};
@@ -346,7 +346,7 @@ TEST_CASE("a graph has hosts, kinds, rates and what is missing, and of a prefix 
     auto drawn = graph_of({node, boat, other}, {later_node, later_boat, other}, "boat");
     CHECK(drawn.components.size() == 2);
     auto text = printed(graph_as_page(drawn), 0, false);
-    CHECK_THAT(text, Contains("sea  1 component\n  boat  ready\n") && Contains("gives steer  calls  4.0/s") &&
+    CHECK_THAT(text, Contains("sea  1 component\n  boat  ready\n") && Contains("provides steer  calls  4.0/s") &&
                          Contains("2.0 kB/s") && Contains("needs unused: missing, no component provides it") &&
                          !Contains("other") && !Contains("\x1b"));
     CHECK_THAT(printed(graph_as_page(drawn), 0, true), Contains("\x1b[32mready\x1b[0m"));

@@ -3,11 +3,16 @@
 
 #include <ise/asio.hpp>
 #include <ise/core/inproc_stream.hpp>
+#include <ise/core/loop_executor.hpp>
 #include <ise/core/object_stream.hpp>
 #include <ise/core/waiter.hpp>
 
 #include <asio/bind_cancellation_slot.hpp>
 #include <asio/buffer.hpp>
+
+#include <chrono>
+#include <future>
+#include <thread>
 
 #include <support/catch.hpp>
 
@@ -27,6 +32,27 @@ struct driven {
         loop->abandon();
         io.poll();
     }
+};
+
+// Runs what is posted on another thread, before `post` returns: as where a woken thread takes over the poster's core.
+struct eager_queue final : ise::loop_queue {
+    asio::io_context unused;
+    std::thread runner;
+    bool ran_at_once = false;
+    ~eager_queue() {
+        if (runner.joinable()) runner.join();
+    }
+    void post(work what) override {
+        std::promise<void> over;
+        auto done = over.get_future();
+        runner = std::thread([run = std::move(what), ended = std::move(over)]() mutable {
+            run();
+            ended.set_value();
+        });
+        ran_at_once = done.wait_for(std::chrono::seconds(10)) == std::future_status::ready;
+    }
+    bool running_here() const noexcept override { return false; }
+    asio::execution_context& objects() override { return unused; }
 };
 
 struct witness { // notes that its frame was unwound
@@ -109,6 +135,17 @@ TEST_CASE("work for a loop that has ended is refused at its gate") {
     one.loop.reset();
     CHECK_FALSE(gate->post([] {}));
     one.loop = std::make_unique<ise::loop>(one.env, one.io.get_executor(), [] { return true; });
+}
+
+TEST_CASE("work that a loop runs while it is still being posted at its gate does not wait for that") {
+    bare_environment env;
+    eager_queue queue;
+    ise::loop on(env, ise::loop_executor(queue), [] { return true; });
+    bool ran = false;
+    CHECK(on.gate()->post([&] { ran = true; }));
+    CHECK(queue.ran_at_once);
+    queue.runner.join();
+    CHECK(ran);
 }
 
 TEST_CASE("what is listed for a turn's end is flushed once, in order, and not when it is gone") {

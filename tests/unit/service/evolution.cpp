@@ -152,7 +152,7 @@ TEST_CASE("calls made at once while the schemas are on their way are all served"
     }
 }
 
-TEST_CASE("a request and a reply wait for the schemas however large they are, if alone") {
+TEST_CASE("a request, a reply and a request to subscribe wait for the schemas however large they are, if alone") {
     ise::service_options options;
     options.session_bytes = 40'000;
     sim_parties all;
@@ -173,6 +173,27 @@ TEST_CASE("a request and a reply wait for the schemas however large they are, if
         auto got = all.run(shore, ask(shore.at("tcp://boat:7400"), newer::helm, request));
         REQUIRE(got);
         CHECK(got->reason == request.mode);
+    }
+    SECTION("older subscriber") {
+        std::size_t asked_for = 0;
+        ise::subscription<newer::report, newer::order> published("watched");
+        ise::publication_callbacks<decltype(published)> callbacks;
+        callbacks.on_subscribe = [&](const newer::order& asked, const ise::subscriber_info&) {
+            asked_for = asked.mode.size();
+            return ise::nothing{};
+        };
+        auto out = boat.publish(published, callbacks);
+        out(newer::report{4.5, 90});
+        auto read = [](ise::remote from, older::order asked) -> ise::task<double> {
+            ise::subscription<older::report, older::order> watched("watched");
+            auto packets = co_await from.subscribe(watched, asked, ise::subscribe_options::lossless(8));
+            auto packet = co_await packets.next();
+            if (!packet) throw ise::error(packets.cause());
+            co_return packet->speed_kn;
+        };
+        auto reading = read(shore.at("tcp://boat:7400"), older::order{request.mode});
+        CHECK(all.run(shore, std::move(reading)) == 4.5);
+        CHECK(asked_for == request.mode.size());
     }
 }
 

@@ -599,7 +599,7 @@ void play_bursts(unsigned seed) {
         if (draw(3) == 0)
             for (auto& port : hearers)
                 for (auto& one : port) drain(*one.got);
-        if (draw(10) == 0) subscribe(draw(2));
+        if (draw(10) == 0) subscribe(static_cast<unsigned>(draw(2)));
     }
     for (unsigned port : {0u, 1u}) {
         while (true) { // one that everybody gets
