@@ -1,21 +1,12 @@
 #include "time_text.hpp"
 
+#include <ise/core/readable.hpp>
+
 #include <fmt/format.h>
 
 #include <charconv>
 
 namespace ise {
-namespace {
-
-std::string shown(std::string_view text) {
-    std::string made;
-    for (char letter : text.substr(0, 80))
-        made += static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F ? '?' : letter;
-    return made;
-}
-
-} // namespace
-
 namespace detail {
 
 std::string iso_8601(std::chrono::sys_seconds at, std::chrono::nanoseconds fraction, int decimals) {
@@ -46,8 +37,8 @@ result<duration> parse_duration(std::string_view text) {
                                                     : 0;
     constexpr double max_seconds = 1e9; // 30 years
     if (problem != std::errc() || seconds == 0 || !(number >= 0) || number * seconds > max_seconds)
-        return failure(errc::invalid_argument,
-                       fmt::format("'{}' is not a duration: write 5s, 250ms, 1.5m or 2h", shown(text)));
+        return failure(errc::invalid_argument, fmt::format("'{}' is not a duration: write 5s, 250ms, 1.5m or 2h",
+                                                           readable(text.substr(0, 80))));
     return std::chrono::duration_cast<duration>(std::chrono::duration<double>(number * seconds));
 }
 
