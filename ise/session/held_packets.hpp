@@ -13,6 +13,17 @@ struct held_budget {
     std::size_t most;
     std::size_t used = 0;
     std::size_t packets = 0; ///< held; those without bytes count too
+
+    /// Whether there is room for a packet of so many bytes. There is for a lone one, however large.
+    bool fits(std::size_t size) const noexcept { return packets == 0 || used + size <= most; }
+    void take(std::size_t size) noexcept {
+        used += size;
+        ++packets;
+    }
+    void give_back(std::size_t size) noexcept {
+        used -= size;
+        --packets;
+    }
 };
 
 /// Packets that came before it is known whether both sides' schemas of their service fit: held in their order, each
@@ -27,24 +38,23 @@ public:
     ~held_packets() { clear(); }
 
     std::size_t size() const noexcept { return all_.size(); }
-    /// False, and it is not held, where there is no room for it. There is for a lone one, however large.
+    /// False, and it is not held, where there is no room for it.
     bool hold(const Head& head, incoming_packet& packet) {
         const auto size = packet.size();
-        if (all_.size() >= most_ || (budget_.packets > 0 && budget_.used + size > budget_.most)) return false;
+        if (all_.size() >= most_ || !budget_.fits(size)) return false;
         all_.push_back({head, packet.keep()});
-        budget_.used += size;
-        ++budget_.packets;
+        budget_.take(size);
         return true;
     }
     /// Gives each to `take(head, packet)`, in their order; what `take` lets come meanwhile is not held here.
     template <class Take>
     void release(Take take) {
         auto all = std::exchange(all_, {});
-        for (const auto& one : all) give_back(one);
+        for (const auto& one : all) budget_.give_back(one.packet.size());
         for (auto& one : all) take(one.head, incoming_packet(one.packet));
     }
     void drop_oldest() noexcept {
-        give_back(all_.front());
+        budget_.give_back(all_.front().packet.size());
         all_.pop_front();
     }
     /// Drops those whose head it is.
@@ -52,7 +62,7 @@ public:
     void drop(Is is) {
         std::erase_if(all_, [&](const held& one) {
             if (!is(one.head)) return false;
-            give_back(one);
+            budget_.give_back(one.packet.size());
             return true;
         });
     }
@@ -65,10 +75,6 @@ private:
         Head head;
         payload packet;
     };
-    void give_back(const held& one) noexcept {
-        budget_.used -= one.packet.size();
-        --budget_.packets;
-    }
     std::size_t most_;
     held_budget& budget_;
     std::deque<held> all_;

@@ -70,7 +70,7 @@ result<void> incoming_subscriptions::on_subscribe(const net::carried_frame& rece
         return {};
     }
     const auto size = received.body.size();
-    if (asked_bytes_.used > 0 && asked_bytes_.used + size > asked_bytes_.most) {
+    if (!asked_bytes_.fits(size)) {
         failure why(errc::overloaded,
                     fmt::format("{} bytes of subscribe requests of one session wait for schemas (session_bytes)",
                                 asked_bytes_.used + size));

@@ -39,11 +39,11 @@ private:
     struct asked {
         asked(wire::subscribe what, std::size_t size, held_budget& of)
             : terms(std::move(what)), bytes(size), budget(of) {
-            budget.used += bytes;
+            budget.take(bytes);
         }
         asked(const asked&) = delete;
         asked& operator=(const asked&) = delete;
-        ~asked() { budget.used -= bytes; }
+        ~asked() { budget.give_back(bytes); }
 
         wire::subscribe terms;
         const std::size_t bytes;
