@@ -55,6 +55,9 @@ const std::error_category& error_category() noexcept {
 
 std::error_code make_error_code(errc code) noexcept { return {static_cast<int>(code), error_category()}; }
 
+failure::failure(errc code, std::string message, execution state)
+    : message_(std::move(message)), code_(code), execution_(state) {}
+
 failure io_failure(std::string_view what, const std::error_code& cause) {
     auto code = real::is_address_taken(cause) ? errc::address_in_use : errc::io_failed;
     return failure(code, fmt::format("{}: {}{}", what, cause.message(), real::advice_on(cause)));

@@ -58,8 +58,7 @@ std::string_view name_of(execution state) noexcept;
 class failure {
 public:
     /// `message` says what happened, to what, why, and what to do.
-    failure(errc code, std::string message, execution state = execution::not_executed)
-        : message_(std::move(message)), code_(code), execution_(state) {}
+    [[gnu::cold]] failure(errc code, std::string message, execution state = execution::not_executed);
 
     /// The code, to branch on.
     errc code() const noexcept { return code_; }

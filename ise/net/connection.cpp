@@ -94,26 +94,22 @@ void connection::on_bytes(const transfer& got) {
     loop::turn in(on_);
     alive_.heard(on_.now());
     try {
-        take_bytes(got.bytes);
+        if (reassembly_ && reassembly_->missing() > 0) [[unlikely]] {
+            if (auto filled = fill_piece(got.bytes); !filled) return end_for(filled.error());
+            if (!open()) return;
+        } else {
+            parser_.commit(got.bytes);
+        }
+        take_frames();
+        if (unfinished_bytes() > 0) [[unlikely]]
+            look_at_unfinished();
     } catch (const std::bad_alloc&) {
         end_for_memory();
     }
 }
 
-void connection::take_bytes(std::size_t count) {
-    if (reassembly_ && reassembly_->missing() > 0) {
-        auto filled = fill_piece(count);
-        if (!filled) return end_for(filled.error());
-        if (!open()) return;
-    } else {
-        parser_.commit(count);
-    }
-    take_frames();
-    look_at_unfinished();
-}
-
 void connection::look_at_unfinished() {
-    if (unfinished_bytes() == 0 || !open()) return;
+    if (!open()) return;
     auto* to = receiver();
     if (!to) return;
     if (auto fits = to->on_unfinished(); !fits) end_for(fits.error());
@@ -131,6 +127,10 @@ void connection::end_for_read(const std::error_code& problem) {
                                                                        : "";
     close(failure(errc::peer_lost, how.empty() ? fmt::format("{}: {}", peer_name(), problem.message())
                                                : fmt::format("{} {}", peer_name(), how)));
+}
+
+void connection::end_for_write(const std::error_code& problem) {
+    close(failure(errc::peer_lost, fmt::format("{}: {}", peer_name(), problem.message())));
 }
 
 // The peer is told what it did wrong, if that goes at once. Nothing where it has ended already.
@@ -155,7 +155,7 @@ void connection::on_sign() {
 
 void connection::on_heard() {
     alive_.heard(on_.now());
-    look_at_unfinished();
+    if (unfinished_bytes() > 0) look_at_unfinished();
 }
 
 // A message beside the stream: a packet, and nothing that has to arrive, or arrive once.
@@ -316,7 +316,7 @@ void connection::flush() {
     signs_->claim();
     if (signs_->broken())
         return close(failure(errc::peer_lost, fmt::format("{} did not take a sign of life whole", peer_name())));
-    if (!objects_ || !pass_calls()) {
+    if (!write_calls()) {
         if (!batch_) batch_ = spare_.take();
         write_out();
         if (!batch_->empty()) return; // it goes on with this
@@ -325,18 +325,25 @@ void connection::flush() {
     if (open()) signs_->release(alive_.last_sent());
 }
 
-// Within a process calls and replies that wait alone, as most do, need no batch: that spares a tenth of the
-// instructions of a call on one loop. The rest is `write_out`'s matter.
-bool connection::pass_calls() {
+// Calls and replies that wait alone, as most do, need no batch: they are written from where they lie. The rest, and what
+// does not go whole, is `write_out`'s matter.
+bool connection::write_calls() {
     if (batch_ || phase_ != phase::open || !outbox_.calls_alone()) return false;
-    const auto passed = objects_->pass(outbox_.calls(), outbox_.beside_calls());
-    if (passed.problem) {
+    const asio::const_buffer whole(outbox_.calls().data(), outbox_.calls().size());
+    const auto wrote = objects_ ? objects_->pass(outbox_.calls(), outbox_.beside_calls())
+                                : transport_->try_write({&whole, 1});
+    counts_.bytes_out += wrote.bytes;
+    if (wrote.problem && wrote.problem != asio::error::would_block) {
+        end_for_write(wrote.problem);
+        return true;
+    }
+    if (wrote.bytes < whole.size()) {
         batch_ = spare_.take();
         outbox_.move_calls(*batch_);
+        batch_->advance(wrote.bytes);
         return false;
     }
     outbox_.calls_went();
-    counts_.bytes_out += passed.bytes;
     ++counts_.frames_out_batches;
     alive_.sent(on_.now());
     return true;
@@ -362,10 +369,7 @@ void connection::write_out() {
                 });
             return;
         }
-        if (wrote.problem) {
-            close(failure(errc::peer_lost, fmt::format("{}: {}", peer_name(), wrote.problem.message())));
-            return;
-        }
+        if (wrote.problem) return end_for_write(wrote.problem);
         sent += wrote.bytes;
         counts_.bytes_out += wrote.bytes;
         if (!objects_) batch_->advance(wrote.bytes);
@@ -392,7 +396,7 @@ task<> connection::write([[maybe_unused]] std::shared_ptr<connection> held) {
         loop::turn in(on_);
         writer_ = writer::writing;
         if (problem && open()) {
-            close(failure(errc::peer_lost, fmt::format("{}: {}", peer_name(), problem.message())));
+            end_for_write(problem);
         } else {
             flush();
         }

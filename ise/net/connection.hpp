@@ -182,8 +182,8 @@ private:
     asio::mutable_buffer room() noexcept override;
     void on_bytes(const transfer& got) override;
     void end_for_read(const std::error_code& problem);
+    void end_for_write(const std::error_code& problem);
     void end_for_memory();
-    void take_bytes(std::size_t count);
     task<> write(std::shared_ptr<connection> held);
     void take_frames();
     void begin_piece();
@@ -201,7 +201,7 @@ private:
     void on_sign() override;
     void end_for(const failure& wrong);
     void pulse();
-    bool pass_calls();
+    bool write_calls();
     void write_out();
     void say_goodbye();
     void report_end();

@@ -251,11 +251,6 @@ bool outbox::fill(batch& out) {
     return !out.empty();
 }
 
-bool outbox::calls_alone() const noexcept {
-    return !calls_.empty() && blocks_.empty() && withdrawn_ == 0 && calls_.size() + beside_weight_ <= batch_limit_ &&
-           control_.empty() && big_calls_.all.empty() && big_packets_.all.empty() && sources_.empty();
-}
-
 void outbox::move_calls(batch& out) {
     out.adopt(calls_);
     while (!attachments_.empty()) out.pass(attachments_.pop_front());

@@ -173,11 +173,17 @@ public:
     bool fill(batch& out);
 
     /// True where nothing waits but calls and replies, all of them go into one write, and none was withdrawn: they may
-    /// be written from where they lie. Whoever does that empties `calls()` and `beside_calls()` and says so, or moves
-    /// them to a batch.
-    bool calls_alone() const noexcept;
+    /// be written from where they lie. Whoever does that says so when they went whole, or moves them to a batch.
+    bool calls_alone() const noexcept {
+        return !calls_.empty() && calls_.size() + beside_weight_ <= batch_limit_ && blocks_.empty() &&
+               withdrawn_ == 0 && control_.empty() && big_calls_.all.empty() && big_packets_.all.empty() &&
+               (lane_ || sources_.empty());
+    }
     ring<passed_object>& beside_calls() noexcept { return attachments_; }
-    void calls_went() noexcept { beside_weight_ = 0; }
+    void calls_went() noexcept {
+        calls_.recycle();
+        beside_weight_ = 0;
+    }
     void move_calls(batch& out);
 
     bool empty() const noexcept;

@@ -97,7 +97,9 @@ void parser::add(bytes_view content) {
 
 // What is left of the last read moves to the front; it is less than a frame.
 void parser::drop_taken() noexcept {
-    if (begin_ > 0) storage_.drop_front(std::exchange(begin_, 0));
+    if (pending() == 0) storage_.clear();
+    else if (begin_ > 0) storage_.drop_front(begin_);
+    begin_ = 0;
 }
 
 failure parser::refuse(const frame_header& header) const {

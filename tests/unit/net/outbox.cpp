@@ -124,7 +124,6 @@ TEST_CASE("calls that wait alone are written from where they lie, and go with wh
         CHECK(ids_of(frames_of(out.calls().view())) == std::vector<std::uint64_t>{1, 2});
         REQUIRE(out.beside_calls().size() == 1);
         CHECK(*static_cast<int*>(out.beside_calls().pop_front().at()) == 2);
-        out.calls().clear();
         out.calls_went();
     }
     SECTION("where they cannot go: by a batch") {

@@ -12,6 +12,7 @@
 #include <system_error>
 
 #include <sys/eventfd.h>
+#include <sys/syscall.h>
 #include <sys/timerfd.h>
 #include <unistd.h>
 
@@ -168,9 +169,11 @@ int epoll_loop::wait() {
     const bool busy = !queue_.empty() || !again_.empty();
     if (!busy) sleeping_ = true;
     const bool sleeps = !busy && !has_posted_ && !stopped_;
-    const int come = ::epoll_wait(epoll_.get(), events_.data(), static_cast<int>(events_.size()), sleeps ? -1 : 0);
+    // Not by the C library's function, a cancellation point: two locked instructions.
+    const auto come = ::syscall(SYS_epoll_pwait, epoll_.get(), events_.data(), static_cast<int>(events_.size()),
+                                sleeps ? -1 : 0, nullptr, 0);
     if (!busy) sleeping_ = false;
-    return std::max(come, 0); // interrupted: none
+    return std::max(static_cast<int>(come), 0); // interrupted: none
 }
 
 // A turn for each: what one brings may close another, whose events that are still to come are taken away then.
