@@ -330,8 +330,8 @@ void connection::flush() {
 bool connection::write_calls() {
     if (batch_ || phase_ != phase::open || !outbox_.calls_alone()) return false;
     const asio::const_buffer whole(outbox_.calls().data(), outbox_.calls().size());
-    const auto wrote = objects_ ? objects_->pass(outbox_.calls(), outbox_.beside_calls())
-                                : transport_->try_write({&whole, 1});
+    const auto wrote =
+        objects_ ? objects_->pass(outbox_.calls(), outbox_.beside_calls()) : transport_->try_write({&whole, 1});
     counts_.bytes_out += wrote.bytes;
     if (wrote.problem && wrote.problem != asio::error::would_block) {
         end_for_write(wrote.problem);

@@ -85,7 +85,20 @@ void descriptor::come_readable(bool over) {
 
 void descriptor::on_again() {
     again_ = false;
-    come_readable(false);
+    if (!receives()) come_readable(false);
+}
+
+// One that has ended already, or waits to write, has an event to come that would not come again.
+bool descriptor::receive() {
+    if (!own_ || over_ || waits_to_write_ || !own_->receive(*this)) return false;
+    readable_ = false;
+    return true;
+}
+
+// From here on it is told again, and at once if there is something to read.
+void descriptor::on_received_all() {
+    if (!own_) return; // closed
+    if (auto problem = waits_to_write_ ? own_->change(*this, true) : own_->add(*this)) on_received({}, problem);
 }
 
 void descriptor::on_events(ready what) {
@@ -93,7 +106,7 @@ void descriptor::on_events(ready what) {
         own_->change(*this, false);
         on_writable();
     }
-    if (what.to_read || what.over) come_readable(what.over);
+    if ((what.to_read || what.over) && !receives()) come_readable(what.over);
 }
 
 } // namespace ise::real

@@ -1,6 +1,8 @@
 #pragma once
+#include <ise/core/bytes.hpp>
 #include <ise/core/loop.hpp>
 
+#include <cstdint>
 #include <memory>
 #include <system_error>
 #include <utility>
@@ -8,6 +10,7 @@
 namespace ise::real {
 
 class descriptor;
+class receive_ring;
 
 /// Who tells descriptors what is ready: a loop of ISE's own. On the loop, or once it has ended.
 class readiness {
@@ -17,6 +20,9 @@ public:
     virtual void remove(descriptor& watched) noexcept = 0;
     /// It is told again that it can be read, after others had their turn.
     virtual void again(descriptor& watched) = 0;
+    /// Receives for it: what comes is handed to `on_received` in place of being told, until `on_received_all` or the
+    /// end. False: it goes on being told.
+    virtual bool receive(descriptor& watched) = 0;
 
 protected:
     ~readiness() = default;
@@ -61,6 +67,8 @@ public:
     /// An event of the loop, in a turn of it.
     void on_events(ready what);
     void on_again();
+    /// Whether the loop receives for it.
+    bool receives() const noexcept { return receives_at_ != nowhere; }
 
 protected:
     descriptor(loop& on, owned_fd fd) noexcept : on_(on), fd_(std::move(fd)) {}
@@ -88,9 +96,18 @@ protected:
     /// Whoever waits asks for it each time.
     void want_read();
     std::error_code want_write();
+    /// Asks the loop to receive for it from now on. False: it goes on being told what it can read.
+    bool receive();
+    /// In a turn of the loop: bytes, valid during the call, or the end or an error, after which nothing comes. As
+    /// `on_readable`.
+    virtual void on_received([[maybe_unused]] bytes_view content, [[maybe_unused]] const std::error_code& problem) {}
 
 private:
+    friend class receive_ring;
     struct asio_watch;
+
+    static constexpr std::uint32_t nowhere = ~std::uint32_t{0};
+    void on_received_all();
 
     static constexpr int reads_in_a_row = 16;
 
@@ -100,6 +117,7 @@ private:
     owned_fd fd_;
     readiness* own_ = nullptr; // else Asio
     std::shared_ptr<asio_watch> asio_;
+    std::uint32_t receives_at_ = nowhere; // its place at the ring that receives for it
     int reads_left_ = 0;
     bool readable_ = false;
     bool over_ = false;           // the end, or an error

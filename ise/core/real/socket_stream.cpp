@@ -4,7 +4,17 @@
 #include <asio/error.hpp>
 #include <asio/ip/tcp.hpp>
 
+#include <algorithm>
+#include <cstring>
+
 namespace ise::real {
+namespace {
+
+// Whose messages are this short, so many times in a row, is left to the loop to receive for again.
+constexpr std::size_t short_bytes = 4 * 1024;
+constexpr unsigned short_deliveries = 64;
+
+} // namespace
 
 socket_stream::socket_stream(loop& on, owned_fd fd, std::string peer)
     : descriptor(on, std::move(fd)), peer_(std::move(peer)), reader_(on), writable_(on) {
@@ -54,12 +64,13 @@ task<transfer> socket_stream::read_some(asio::mutable_buffer into) {
 
 bool socket_stream::deliver_to(stream_reader& reader) {
     deliver_to_ = &reader;
-    want_read();
+    if (!receive()) want_read();
     return true;
 }
 
 void socket_stream::deliver() {
-    for (std::size_t delivered = 0; delivered < stream_reader::turn_bytes && may_read();) {
+    std::size_t delivered = 0;
+    while (delivered < stream_reader::turn_bytes && may_read()) {
         const auto room = deliver_to_->room();
         if (room.size() == 0) return;
         const auto got = read(room);
@@ -68,7 +79,25 @@ void socket_stream::deliver() {
         if (got.problem || !fd_open()) return;
         delivered += got.bytes;
     }
+    short_deliveries_ = delivered < short_bytes ? short_deliveries_ + 1 : 0;
+    if (short_deliveries_ >= short_deliveries) {
+        short_deliveries_ = 0;
+        if (receive()) return;
+    }
     want_read();
+}
+
+void socket_stream::on_received(bytes_view content, const std::error_code& problem) {
+    while (!content.empty()) {
+        const auto room = deliver_to_->room();
+        const auto some = content.first(std::min(content.size(), room.size()));
+        if (some.empty()) return;
+        std::memcpy(room.data(), some.data(), some.size());
+        deliver_to_->on_bytes({std::error_code(), some.size()});
+        if (!fd_open()) return;
+        content = content.subspan(some.size());
+    }
+    if (problem) deliver_to_->on_bytes({problem, 0});
 }
 
 void socket_stream::on_readable() {

@@ -158,10 +158,12 @@ void epoll_loop::run() {
     inside here(*this);
     while (!stopped_.load(std::memory_order_relaxed)) {
         tell(wait());
+        if (ring_ && ring_->receives()) ring_->tell(*loop_);
         if (!again_.empty()) tell_again();
         if (has_posted_.load(std::memory_order_relaxed)) take_posted();
         work_off();
     }
+    ring_.reset(); // which belongs to this thread
 }
 
 // Others post, then look whether it sleeps; it says that it sleeps, then looks whether they posted.
@@ -169,11 +171,19 @@ int epoll_loop::wait() {
     const bool busy = !queue_.empty() || !again_.empty();
     if (!busy) sleeping_ = true;
     const bool sleeps = !busy && !has_posted_ && !stopped_;
-    // Not by the C library's function, a cancellation point: two locked instructions.
-    const auto come = ::syscall(SYS_epoll_pwait, epoll_.get(), events_.data(), static_cast<int>(events_.size()),
-                                sleeps ? -1 : 0, nullptr, 0);
+    int come = 0;
+    if (!ring_ || !ring_->receives()) come = take_events(sleeps ? -1 : 0);
+    else if (ring_->wait(sleeps)) come = take_events(0);
     if (!busy) sleeping_ = false;
-    return std::max(static_cast<int>(come), 0); // interrupted: none
+    return come;
+}
+
+int epoll_loop::take_events(int timeout) noexcept {
+    // Not by the C library's function, a cancellation point: two locked instructions.
+    const auto come = static_cast<int>(::syscall(SYS_epoll_pwait, epoll_.get(), events_.data(),
+                                                 static_cast<int>(events_.size()), timeout, nullptr, 0));
+    if (ring_ && come == static_cast<int>(events_.size())) ring_->epoll_has_more();
+    return std::max(come, 0); // interrupted: none
 }
 
 // A turn for each: what one brings may close another, whose events that are still to come are taken away then.
@@ -218,18 +228,33 @@ std::error_code epoll_loop::add(descriptor& watched) {
                                                                                 : last_system_error();
 }
 
+// Who waits to write has much to do with its socket: the ring no longer receives for it. Until then epoll knows of it only
+// that it waits.
 std::error_code epoll_loop::change(descriptor& watched, bool to_write) {
-    epoll_event wanted{to_write ? always | EPOLLOUT : always, {&watched}};
-    return ::epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, watched.fd(), &wanted) == 0 ? std::error_code()
-                                                                                : last_system_error();
+    const bool told = !watched.receives();
+    if (!told && to_write) ring_->leave(watched);
+    const int how = told ? EPOLL_CTL_MOD : to_write ? EPOLL_CTL_ADD : EPOLL_CTL_DEL;
+    epoll_event wanted{(told ? always : std::uint32_t{EPOLLET}) | (to_write ? std::uint32_t{EPOLLOUT} : 0u),
+                       {&watched}};
+    return ::epoll_ctl(epoll_.get(), how, watched.fd(), &wanted) == 0 ? std::error_code() : last_system_error();
 }
 
 // Explicitly: a child that was forked and has not begun its program yet keeps the socket, and its events, alive.
 void epoll_loop::remove(descriptor& watched) noexcept {
+    if (ring_) ring_->forget(watched);
     ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, watched.fd(), nullptr);
     for (int at = told_; at < come_; ++at)
         if (auto& event = events_[static_cast<std::size_t>(at)]; event.data.ptr == &watched) event.data.ptr = nullptr;
     std::erase(again_, &watched);
+}
+
+bool epoll_loop::receive(descriptor& watched) {
+    if (stopped_) return false;
+    if (!std::exchange(ring_sought_, true)) ring_ = receive_ring::make(epoll_.get());
+    if (!ring_) return false;
+    ring_->begin(watched);
+    ::epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, watched.fd(), nullptr);
+    return true;
 }
 
 void epoll_loop::again(descriptor& watched) { again_.push_back(&watched); }

@@ -4,6 +4,7 @@
 #include <ise/core/loop_executor.hpp>
 #include <ise/core/real/descriptor.hpp>
 #include <ise/core/real/linux/poller.hpp>
+#include <ise/core/real/linux/receive_ring.hpp>
 #include <ise/core/ring.hpp>
 
 #include <asio/executor_work_guard.hpp>
@@ -22,8 +23,8 @@
 
 namespace ise::real {
 
-/// A loop of ISE's own and its thread: sockets by epoll, edge-triggered, and a timer; work of other
-/// threads, which wake it only when it sleeps. Without a lock on the way of a turn.
+/// A loop of ISE's own and its thread: sockets by epoll, edge-triggered, and by io_uring where messages are short; a timer;
+/// work of other threads, which wake it only when it sleeps. Without a lock on the way of a turn.
 ///
 /// Objects of Asio that are made on its executor live on an io_context beside it, whose thread starts with the first of
 /// them; their completions are posted to the loop.
@@ -47,6 +48,7 @@ public:
     std::error_code change(descriptor& watched, bool to_write) override;
     void remove(descriptor& watched) noexcept override;
     void again(descriptor& watched) override;
+    bool receive(descriptor& watched) override;
 
 private:
     class next_alarm;
@@ -59,6 +61,7 @@ private:
 
     void run();
     int wait();
+    int take_events(int timeout) noexcept;
     void tell(int count);
     void tell_again();
     void take_posted();
@@ -73,6 +76,8 @@ private:
     std::array<epoll_event, 64> events_{};
     int told_ = 0, come_ = 0; // of the events
     std::vector<descriptor*> again_;
+    std::unique_ptr<receive_ring> ring_; // once a socket is received for, where the system offers it
+    bool ring_sought_ = false;
 
     std::shared_ptr<poll_seats> seats_;
     std::unique_ptr<ise::loop> loop_;

@@ -1,0 +1,112 @@
+#pragma once
+#include <ise/core/loop.hpp>
+#include <ise/core/real/descriptor.hpp>
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+struct io_uring_buf;
+struct io_uring_cqe;
+struct io_uring_sqe;
+
+namespace ise::real {
+
+/// Receives for the sockets of a loop by io_uring, and waits for its epoll instance too: the system call that waits brings
+/// what came. With epoll alone it takes two, and the socket is looked at twice. For short messages: a socket of which a
+/// receipt fills its memory goes back to epoll, and is read to where its bytes belong.
+///
+/// Used, made and destroyed by one thread.
+class receive_ring {
+public:
+    /// Null where the system does not offer it (before Linux 6.1, or forbidden, as in many containers) or has no memory
+    /// or descriptor left.
+    static std::unique_ptr<receive_ring> make(int epoll);
+    /// The system has let go of every socket when this returns.
+    ~receive_ring();
+    receive_ring(const receive_ring&) = delete;
+    receive_ring& operator=(const receive_ring&) = delete;
+
+    /// Receives for `who` until it is told the end or an error, or, as its bytes come too fast or it is to leave, that
+    /// it has got all.
+    void begin(descriptor& who);
+    /// It is to leave: it gets what the system has received by then.
+    void leave(descriptor& who) noexcept { leave(who.receives_at_); }
+    /// Tells it nothing more; the system has let go of its socket when this returns.
+    void forget(descriptor& who) noexcept;
+
+    /// Whether it receives for any. Where not, the loop waits by epoll alone, which takes one call less.
+    bool receives() const noexcept { return receiving_ > 0; }
+    /// Waits until something has come, or, without `sleeps`, looks only. Whether the epoll instance has events.
+    bool wait(bool sleeps) noexcept;
+    /// The epoll instance has more events than were taken.
+    void epoll_has_more() noexcept { epoll_ready_ = true; }
+    /// Hands over what came for sockets, in a turn of `on` for each.
+    void tell(loop& on);
+
+private:
+    class memory {
+    public:
+        memory() = default;
+        explicit memory(std::size_t size);           // its own
+        memory(int ring, std::size_t size, long at); // the ring's
+        memory(memory&& other) noexcept;
+        memory& operator=(memory&& other) noexcept;
+        ~memory();
+        explicit operator bool() const noexcept { return at_ != nullptr; }
+        template <class T>
+        T* at(std::size_t offset = 0) const noexcept {
+            return reinterpret_cast<T*>(static_cast<std::byte*>(at_) + offset);
+        }
+
+    private:
+        void* at_ = nullptr;
+        std::size_t size_ = 0;
+    };
+    // Of a socket, from `begin` until the system has completed its last receipt.
+    struct place {
+        descriptor* of = nullptr; // null: it was forgotten
+        std::uint32_t round = 0;  // of a completion that is still to come: an earlier one's is passed over
+        bool leaves = false;      // its bytes come too fast
+    };
+    struct completion {
+        std::uint64_t what;
+        std::int32_t result;
+        std::uint32_t flags;
+    };
+
+    receive_ring() = default;
+    bool set_up(int epoll);
+    io_uring_sqe& next_request() noexcept;
+    int enter(unsigned completions) noexcept;
+    unsigned unsubmitted() const noexcept;
+    bool system_has_work() const noexcept;
+    void take_completions() noexcept;
+    void watch_epoll() noexcept;
+    void receive(std::uint32_t at) noexcept;
+    void leave(std::uint32_t at) noexcept;
+    void cancel(std::uint64_t name) noexcept;
+    void give_back(std::uint16_t buffer) noexcept;
+    std::uint64_t name_of(std::uint32_t at) const noexcept;
+    void tell_one(const completion& came, loop& on);
+
+    owned_fd ring_;
+    memory rings_, requests_, buffers_, buffer_list_;
+    std::uint32_t *submit_head_ = nullptr, *submit_tail_ = nullptr, *submit_flags_ = nullptr, *submit_list_ = nullptr;
+    std::uint32_t submit_mask_ = 0;
+    std::uint32_t *complete_head_ = nullptr, *complete_tail_ = nullptr;
+    io_uring_cqe* completions_ = nullptr;
+    std::uint32_t complete_mask_ = 0;
+    std::uint16_t buffer_tail_ = 0;
+    int epoll_ = -1;
+    bool epoll_ready_ = false;
+
+    std::vector<completion> came_; // what `tell` hands over
+    std::vector<place> places_;
+    std::vector<std::uint32_t> free_;
+    std::size_t receiving_ = 0; // places in use
+};
+
+} // namespace ise::real
