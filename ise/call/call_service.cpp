@@ -22,7 +22,7 @@ void call_worker::note_waiting(const call_origin& from) {
 }
 
 // Those that came with it in the same turn may have taken long.
-bool call_worker::may_begin() {
+[[gnu::hot]] bool call_worker::may_begin() {
     if (!wanted_) return false;
     if (service_.is_late(context_.deadline)) {
         wanted_ = false;
@@ -47,7 +47,7 @@ void call_worker::give_up() {
     if (busy_ && coroutine_) coroutine_->cancel();
 }
 
-void call_worker::answer(outgoing_packet response) {
+[[gnu::hot]] void call_worker::answer(outgoing_packet response) {
     if (std::exchange(wanted_, false)) from_->reply(context_.id, response);
 }
 
@@ -69,7 +69,7 @@ call_service::~call_service() = default;
 
 std::size_t call_service::waiting() const noexcept { return waiting_->size(); }
 
-void call_service::serve(call_origin& from, const incoming_call& call, incoming_packet& request) {
+[[gnu::hot]] void call_service::serve(call_origin& from, const incoming_call& call, incoming_packet& request) {
     if (stopped_) {
         from.refuse(call.id, failure(errc::cancelled, fmt::format("'{}' is not provided any more", name_)));
         return;
@@ -135,14 +135,15 @@ void call_service::refuse_overloaded(const waiting_call& one, const failure& why
     one.from->refuse(one.call.id, why);
 }
 
-bool call_service::may_begin(const call_origin& from) const {
+[[gnu::hot]] bool call_service::may_begin(const call_origin& from) const {
     auto most = options_.concurrent < 4 ? options_.concurrent : options_.concurrent - options_.concurrent / 4;
     if (running() < most) return true;
     auto theirs = std::ranges::count_if(workers_, [&](const auto& worker) { return worker->from_.get() == &from; });
     return static_cast<std::size_t>(theirs) < most;
 }
 
-bool call_service::begin(call_origin& from, const incoming_call& call, incoming_packet& request, time_point began) {
+[[gnu::hot]] bool call_service::begin(call_origin& from, const incoming_call& call, incoming_packet& request,
+                                      time_point began) {
     if (idle_.empty()) return false;
     auto& worker = *idle_.back();
     worker.load(request);
@@ -183,7 +184,7 @@ void call_service::add_worker() {
         entry.from->refuse(entry.call.id, failure(errc::cancelled, "the component stops"));
 }
 
-void call_worker::be_idle() {
+[[gnu::hot]] void call_worker::be_idle() {
     auto& of = service_;
     deadline_.disarm();
     if (began_ != time_point::max()) of.meter_.handled(runtime_.env().now() - std::exchange(began_, time_point::max()));

@@ -60,7 +60,7 @@ asio::any_io_executor with_context(const asio::any_io_executor& on, const call_c
     return general(on, context);
 }
 
-const call_context* context_of(const asio::any_io_executor& on) noexcept {
+[[gnu::hot]] const call_context* context_of(const asio::any_io_executor& on) noexcept {
     if (auto* known = executor_cast<plain>(on)) return known->context();
     if (auto* known = executor_cast<general>(on)) return known->context();
     return nullptr;

@@ -128,7 +128,7 @@ reply_cache::place incoming_calls::here(std::uint64_t id) {
     return made;
 }
 
-result<void> incoming_calls::on_request(const net::carried_frame& received) {
+[[gnu::hot]] result<void> incoming_calls::on_request(const net::carried_frame& received) {
     auto malformed = [](std::string_view what) {
         return failure(errc::protocol_error, fmt::format("a request came {}", what));
     };
@@ -271,7 +271,7 @@ void incoming_calls::turn_away(const incoming_call& call, failure why) {
     refuse(call.id, call.again ? failure(why.code(), why.message(), execution::unknown) : why);
 }
 
-void incoming_calls::serve(binding& of, incoming_call& call, incoming_packet& request) {
+[[gnu::hot]] void incoming_calls::serve(binding& of, incoming_call& call, incoming_packet& request) {
     auto& runtime = over_.runtime();
     if (call.deadline <= runtime.on().now()) {
         of.service->meter().refused_expired();
@@ -374,13 +374,13 @@ void incoming_calls::on_cancel(std::uint64_t id) {
 
 bool incoming_calls::is_observed(const running_call& which) noexcept { return call_taps::any() || which.span != 0; }
 
-incoming_calls::running_call& incoming_calls::place_of(std::uint64_t id) {
+[[gnu::hot]] incoming_calls::running_call& incoming_calls::place_of(std::uint64_t id) {
     const auto slot = slot_of(id);
     if (slot >= running_.size()) running_.resize(slot + 1);
     return running_[slot];
 }
 
-incoming_calls::running_call* incoming_calls::find(std::uint64_t id) noexcept {
+[[gnu::hot]] incoming_calls::running_call* incoming_calls::find(std::uint64_t id) noexcept {
     auto slot = slot_of(id);
     return slot < running_.size() && running_[slot].id == id && running_[slot].of ? &running_[slot] : nullptr;
 }
@@ -447,7 +447,7 @@ void incoming_calls::on_session_end() {
     }
 }
 
-void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
+[[gnu::hot]] void incoming_calls::reply(std::uint64_t id, outgoing_packet response) {
     auto* running = find(id);
     if (!running) return;
     auto& of = *running->of;

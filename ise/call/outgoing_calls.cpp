@@ -20,7 +20,7 @@ std::uint64_t call_id(std::uint32_t slot, std::uint32_t generation) noexcept {
 
 } // namespace
 
-std::uint32_t outgoing_calls::number_of(const pending_call& call) {
+[[gnu::hot]] std::uint32_t outgoing_calls::number_of(const pending_call& call) {
     for (std::size_t number = 0; number < introduced_.size(); ++number)
         if (introduced_[number]->types == call.types && introduced_[number]->name == call.service)
             return static_cast<std::uint32_t>(number);
@@ -44,7 +44,7 @@ void outgoing_calls::introduce(std::uint32_t number) {
     over_.send_ahead(frame_type::introduce, number, [&](buffer& body) { encode(result, body); });
 }
 
-bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
+[[gnu::hot]] bool outgoing_calls::send(pending_call& call, outgoing_packet request) {
     auto& connection = over_.wire();
     if (connection.out().pending_call_bytes() > over_.runtime().options().session_bytes) return false;
     if (first_free_ == slots_.size()) {
@@ -143,7 +143,7 @@ pending_call* outgoing_calls::take_slot(std::uint64_t id) {
     return found ? &free_slot(*found) : nullptr;
 }
 
-result<void> outgoing_calls::on_reply(const net::carried_frame& received) {
+[[gnu::hot]] result<void> outgoing_calls::on_reply(const net::carried_frame& received) {
     auto* found = find_slot(received.header.id);
     if (!found) {
         ++calls_.late_replies;

@@ -25,7 +25,7 @@ pending_calls::~pending_calls() {
         if (call->waiter) abandon(*call);
 }
 
-pending_call& pending_calls::open(call_owner& owner, call_waiter& waiter) {
+[[gnu::hot]] pending_call& pending_calls::open(call_owner& owner, call_waiter& waiter) {
     if (free_.empty()) {
         all_.push_back(std::make_unique<pending_call>(*this));
         free_.push_back(all_.back().get());
@@ -43,7 +43,7 @@ void call_waiter::give_up() {
     if (call_) call_->desk.give_up(*call_, errc::cancelled);
 }
 
-void pending_calls::end(pending_call& call, const call_outcome& outcome) {
+[[gnu::hot]] void pending_calls::end(pending_call& call, const call_outcome& outcome) {
     if (!call.waiter) return; // dropped: the loop has ended
     auto& waiter = *std::exchange(call.waiter, nullptr);
     waiter.call_ = nullptr;

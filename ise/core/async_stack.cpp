@@ -10,7 +10,7 @@ std::error_code detail::operation_aborted() noexcept { return asio::error::opera
 
 constinit thread_local detail::trace_place* detail::present_trace = nullptr;
 
-void async_stack::go_on() {
+[[gnu::hot]] void async_stack::go_on() {
     if (phase_ != phase::suspended) { // resumed by what suspends it, which has not returned yet
         phase_ = phase::goes_on;
         return;

@@ -69,7 +69,7 @@ constexpr std::size_t class_of(std::size_t size) { return (size - 1) / step; }
 
 } // namespace
 
-void* frame_pool::allocate(std::size_t size) {
+[[gnu::hot]] void* frame_pool::allocate(std::size_t size) {
     const auto which = class_of(size);
     if (which >= classes) return ::operator new(size);
     if (auto* kept = lists.first[which]) {
@@ -81,7 +81,7 @@ void* frame_pool::allocate(std::size_t size) {
     return ::operator new((which + 1) * step);
 }
 
-void frame_pool::release(void* memory, std::size_t size) noexcept {
+[[gnu::hot]] void frame_pool::release(void* memory, std::size_t size) noexcept {
     const auto which = class_of(size);
     if (which >= classes) return ::operator delete(memory);
     if (!lists.open) {

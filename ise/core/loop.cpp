@@ -59,7 +59,7 @@ timer::~timer() {
 // A deadline that is met is the rule: a timer that is disarmed, or moved to a later time, stays listed under its old
 // time and is looked at when that comes. A call's timer, disarmed and armed anew for every call, is moved in the
 // list once in a deadline's length instead of twice a call.
-void timer::arm(time_point at) {
+[[gnu::hot]] void timer::arm(time_point at) {
     if (loop_.abandoned()) return;
     at_ = at;
     order_ = loop_.armed_count_++;
@@ -102,14 +102,14 @@ void loop::abandon() noexcept {
     }
 }
 
-void loop::enlist(suspended& entry) noexcept {
+[[gnu::hot]] void loop::enlist(suspended& entry) noexcept {
     entry.previous_ = nullptr;
     entry.next_ = suspended_;
     if (suspended_) suspended_->previous_ = &entry;
     suspended_ = &entry;
 }
 
-void loop::delist(suspended& entry) noexcept {
+[[gnu::hot]] void loop::delist(suspended& entry) noexcept {
     (entry.previous_ ? entry.previous_->next_ : suspended_) = entry.next_;
     if (entry.next_) entry.next_->previous_ = entry.previous_;
     entry.previous_ = entry.next_ = nullptr;
@@ -205,7 +205,7 @@ void loop::on_alarm() {
     }
 }
 
-void loop::flush_later(flushable& output) {
+[[gnu::hot]] void loop::flush_later(flushable& output) {
     if (output.flush_due() || abandoned_) return;
     if (depth_ == 0 && !turn_posted_) {
         post_turn();
@@ -236,7 +236,7 @@ void loop::post_turn() {
     });
 }
 
-loop::turn::turn(loop& owner) : loop_(owner) {
+[[gnu::hot]] loop::turn::turn(loop& owner) : loop_(owner) {
     if (loop_.depth_++ == 0) {
         loop_.turn_time_ = loop_.environment_.now();
         loop_.turn_posted_ = false;
@@ -244,14 +244,14 @@ loop::turn::turn(loop& owner) : loop_(owner) {
     }
 }
 
-loop::turn::~turn() {
+[[gnu::hot]] loop::turn::~turn() {
     if (loop_.depth_ == 1) loop_.end_turn();
     if (--loop_.depth_ == 0) loop_.wake_for_first();
 }
 
 // Coroutines first, then one output after the other. What is resumed or flushed may make more ready, and list more; all
 // of it belongs to this turn, bounded so that the sockets get their share.
-void loop::end_turn() {
+[[gnu::hot]] void loop::end_turn() {
     for (int left = 256; left > 0; --left) {
         if (!ready_.empty()) work_off(ready_, spare_ready_, abandoned_, [](auto& resume) { resume(); });
         else if (outputs_.listed()) flush_first();
@@ -261,7 +261,7 @@ void loop::end_turn() {
     if (!ready_.empty() || outputs_.listed()) post_turn();
 }
 
-void loop::flush_first() {
+[[gnu::hot]] void loop::flush_first() {
     auto& output = *outputs_.next->of;
     output.entry_.leave();
     if (!output.held_) return output.flush();

@@ -66,7 +66,7 @@ task<> connection::read([[maybe_unused]] std::shared_ptr<connection> held) {
     }
 }
 
-asio::mutable_buffer connection::room() noexcept {
+[[gnu::hot]] asio::mutable_buffer connection::room() noexcept {
     try {
         auto found = reassembly_ && reassembly_->missing() > 0 ? reassembly_->room() : parser_.prepare();
         return asio::buffer(found.data(), found.size());
@@ -87,7 +87,7 @@ void connection::begin_to_take() {
     if (open() && !delivers) scope()->spawn("reader of " + peer_name(), read(shared_from_this()));
 }
 
-void connection::on_bytes(const transfer& got) {
+[[gnu::hot]] void connection::on_bytes(const transfer& got) {
     if (!open()) return;
     if (got.problem) return end_for_read(got.problem);
     counts_.bytes_in += got.bytes;
@@ -189,7 +189,7 @@ void connection::on_passed(buffer& content, ring<passed_object>& attachments) {
     attachments_ = nullptr;
 }
 
-void connection::take_frames() {
+[[gnu::hot]] void connection::take_frames() {
     auto* to = receiver();
     for (carried_frame received; parser_.take(received);) {
         // Many small packets of a subscription are one step for all layers above.
@@ -243,7 +243,7 @@ result<void> connection::take_attached(carried_frame received, user* receiver) {
     return take(received, receiver);
 }
 
-result<void> connection::take(const carried_frame& received, user* receiver) {
+[[gnu::hot]] result<void> connection::take(const carried_frame& received, user* receiver) {
     if (attachments_ && (received.header.flags & wire::flag::attached) && !received.object)
         return take_attached(received, receiver);
     ++counts_.frames_in;
@@ -309,7 +309,7 @@ result<void> connection::take_own(const carried_frame& received, user* receiver)
     }
 }
 
-void connection::flush() {
+[[gnu::hot]] void connection::flush() {
     if (!open()) return;
     if (datagrams_ && phase_ == phase::open) outbox_.feed_lane(); // packets beside the stream do not wait for it
     if (writer_ == writer::waiting) return;
@@ -327,7 +327,7 @@ void connection::flush() {
 
 // Calls and replies that wait alone, as most do, need no batch: they are written from where they lie. The rest, and what
 // does not go whole, is `write_out`'s matter.
-bool connection::write_calls() {
+[[gnu::hot]] bool connection::write_calls() {
     if (batch_ || phase_ != phase::open || !outbox_.calls_alone()) return false;
     const asio::const_buffer whole(outbox_.calls().data(), outbox_.calls().size());
     const auto wrote =
@@ -349,7 +349,7 @@ bool connection::write_calls() {
     return true;
 }
 
-void connection::write_out() {
+[[gnu::hot]] void connection::write_out() {
     std::size_t sent = 0;
     while (sent < flush_bytes) {
         if (farewell_ && outbox_.calls_drained()) say_goodbye();

@@ -110,7 +110,7 @@ void batch::visit_unwritten(const std::function<void(const carried_frame&)>& vis
     look(staging_.view().subspan(staged_));
 }
 
-void batch::clear() {
+[[gnu::hot]] void batch::clear() {
     staging_.recycle();
     if (!segments_.empty()) {
         gathered_.recycle();
@@ -122,7 +122,7 @@ void batch::clear() {
     attached_weight_ = written_ = 0;
 }
 
-void outbox::end_call(std::size_t start, passed_object&& packet) {
+[[gnu::hot]] void outbox::end_call(std::size_t start, passed_object&& packet) {
     const std::size_t size = calls_.size() - start;
     if (packet) {
         beside_weight_ += packet.weight();
@@ -149,7 +149,7 @@ void outbox::add_block(shared_bytes frames, std::size_t size) {
     blocks_.push_back({std::move(frames), weight});
 }
 
-void outbox::add(publication_source& source) {
+[[gnu::hot]] void outbox::add(publication_source& source) {
     if (source.pending_) return;
     source.pending_ = true;
     // Behind its message in pieces, if there is one: a subscription's packets stay in order.
@@ -212,7 +212,7 @@ void outbox::put_object(frame_header header, bytes_view head, passed_object pack
     filling_->pass(std::move(packet));
 }
 
-void outbox::put_frames(shared_bytes frames, std::uint64_t id, bool addressed) {
+[[gnu::hot]] void outbox::put_frames(shared_bytes frames, std::uint64_t id, bool addressed) {
     assert(filling_);
     const auto content = frames.view();
     if (addressed && content.size() > copied_bytes) return filling_->share(std::move(frames), content);
@@ -235,7 +235,7 @@ void outbox::put_abandoned(const big_message& message) {
     wire::put_header(control_, header);
 }
 
-bool outbox::fill(batch& out) {
+[[gnu::hot]] bool outbox::fill(batch& out) {
     // One piece of each long message a round, and small things between them. Requests that were withdrawn leave nothing
     // to write, and others may wait behind them.
     while (out.weight() < batch_limit_ && !(lane_ ? calls_drained() : empty())) {
@@ -342,7 +342,7 @@ void outbox::fill_pieces(big_messages& from, batch& out) {
     }
 }
 
-void outbox::fill_publications(batch& out) {
+[[gnu::hot]] void outbox::fill_publications(batch& out) {
     filling_ = &out;
     while (!sources_.empty() && out.weight() < batch_limit_) {
         auto* source = sources_.pop_front();

@@ -99,8 +99,8 @@ failure peer_channel::misplaced(service_key service) const {
                         service.name, name_)};
 }
 
-void peer_channel::call(service_key service, duration deadline, const asio::any_io_executor& waiting,
-                        call_waiter& waiter, outgoing_packet request, const std::source_location& where) {
+[[gnu::hot]] void peer_channel::call(service_key service, duration deadline, const asio::any_io_executor& waiting,
+                                     call_waiter& waiter, outgoing_packet request, const std::source_location& where) {
     auto& on = runtime().on();
     auto& call = of_.calls.open(*this, waiter);
     call.service = service.name;

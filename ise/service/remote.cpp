@@ -16,13 +16,14 @@ namespace detail {
 
 std::shared_ptr<subscription_owner> subscriptions_of(std::shared_ptr<peer_channel> to) { return to; }
 
-bool is_here(const peer_channel& to) { return to.runtime().on().running_here(); }
+[[gnu::hot]] bool is_here(const peer_channel& to) { return to.runtime().on().running_here(); }
 failure misplaced(const peer_channel& to, service_key service) { return to.misplaced(service); }
 
 held<call_owner> keep(peer_channel& to) { return held<call_owner>(to); }
 
-void start_call(peer_channel& to, service_key service, duration deadline, const asio::any_io_executor& waiting,
-                call_waiter& waiter, outgoing_packet request, const std::source_location& where) {
+[[gnu::hot]] void start_call(peer_channel& to, service_key service, duration deadline,
+                             const asio::any_io_executor& waiting, call_waiter& waiter, outgoing_packet request,
+                             const std::source_location& where) {
     to.call(service, deadline, waiting, waiter, request, where);
 }
 

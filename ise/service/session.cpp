@@ -23,7 +23,7 @@ incoming_subscriptions& session::subscribers() {
     return *incoming_subscriptions_;
 }
 
-result<void> session::on_frame(const net::carried_frame& received) {
+[[gnu::hot]] result<void> session::on_frame(const net::carried_frame& received) {
     switch (received.header.type) {
         case frame_type::request: return incoming_calls_.on_request(received);
         case frame_type::reply: return outgoing_calls_.on_reply(received);

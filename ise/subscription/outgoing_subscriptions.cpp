@@ -93,7 +93,7 @@ result<void> outgoing_subscriptions::on_subscribed(const net::carried_frame& rec
     return subscriber->on_subscribed(std::move(*answer));
 }
 
-result<void> outgoing_subscriptions::on_packet(const net::carried_frame& received) {
+[[gnu::hot]] result<void> outgoing_subscriptions::on_packet(const net::carried_frame& received) {
     const auto& header = received.header;
     if (received.run.empty()) return on_one(header, received.body, received.object);
     auto frames = received.run;

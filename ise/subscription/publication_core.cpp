@@ -42,7 +42,8 @@ std::uint64_t publication_core::longest_for(std::uint64_t number) const noexcept
 }
 
 // The head is completed in publish.
-published_packet publication_core::encoded(const trace_id& trace, function_ref<void(buffer&)> write_packet) {
+[[gnu::hot]] published_packet publication_core::encoded(const trace_id& trace,
+                                                        function_ref<void(buffer&)> write_packet) {
     settle(); // the new frame is placed behind the run
     auto& room = maker_.room();
     room.grow(packet_frame::head_size(trace));
@@ -51,7 +52,7 @@ published_packet publication_core::encoded(const trace_id& trace, function_ref<v
     return {maker_.share(), trace};
 }
 
-published_packet publication_core::encoded(const trace_id& trace, bytes_view packet) {
+[[gnu::hot]] published_packet publication_core::encoded(const trace_id& trace, bytes_view packet) {
     settle();
     const auto head = packet_frame::head_size(trace);
     const auto size = head + packet.size();
@@ -81,7 +82,7 @@ void publication_core::record_publication(trace_id& trace) const {
     trace.parent = id;
 }
 
-void publication_core::publish(const trace_id& trace, function_ref<void(buffer&)> write_packet) {
+[[gnu::hot]] void publication_core::publish(const trace_id& trace, function_ref<void(buffer&)> write_packet) {
     auto& room = maker_.room();
     const auto head = packet_frame::head_size(trace);
     room.grow(head);
@@ -91,7 +92,7 @@ void publication_core::publish(const trace_id& trace, function_ref<void(buffer&)
     publish({maker_.share(), trace});
 }
 
-void publication_core::publish(const trace_id& trace, bytes_view packet) {
+[[gnu::hot]] void publication_core::publish(const trace_id& trace, bytes_view packet) {
     const auto size = packet_frame::head_bytes + packet.size();
     if (!run_.takes(size) || trace) [[unlikely]]
         return publish_behind(trace, packet);
@@ -140,7 +141,7 @@ void publication_core::end_run() noexcept {
     last_->trace = {};
 }
 
-void publication_core::publish(published_packet&& packet, const choice* wants) {
+[[gnu::hot]] void publication_core::publish(published_packet&& packet, const choice* wants) {
     settle();
     packet.sequence = sequence_ + 1;
     packet.published_at = runtime().publication_time();

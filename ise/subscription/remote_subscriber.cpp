@@ -146,7 +146,7 @@ void remote_subscriber::stop_lingering() {
     linger_.reset();
 }
 
-send_queue::stretch remote_subscriber::pop(std::uint64_t most) {
+[[gnu::hot]] send_queue::stretch remote_subscriber::pop(std::uint64_t most) {
     auto taken = queue_.pop(most);
     if (line_) line_->held_bytes() -= taken.cost();
     resent_ -= std::min(resent_, taken.packets);
@@ -231,7 +231,7 @@ void remote_subscriber::resume_at(std::uint64_t next) {
 bool remote_subscriber::may_send() const noexcept { return policy_ != overflow::lossless || sent_ < credit_; }
 bool remote_subscriber::holds_up() const noexcept { return policy_ == overflow::lossless && line_ && full(0); }
 
-void remote_subscriber::wake() {
+[[gnu::hot]] void remote_subscriber::wake() {
     if (!line_ || queue_.empty() || !may_send()) return;
     line_->wire().out().add(*this);
     line_->wire().written();
@@ -278,7 +278,7 @@ void remote_subscriber::extend(std::size_t packets, std::size_t size, std::size_
     queue_.extend(packets, size);
 }
 
-bool remote_subscriber::offer(const published_packet& packet) {
+[[gnu::hot]] bool remote_subscriber::offer(const published_packet& packet) {
     const bool object = takes_objects_ && packet.object;
     const auto size = object ? packet.object.weight : packet.frame.size();
     if (min_interval_ > duration{}) {
@@ -336,7 +336,7 @@ std::uint64_t remote_subscriber::longest() const noexcept {
     return most - std::min<std::uint64_t>(most, most_head_bytes);
 }
 
-bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
+[[gnu::hot]] bool remote_subscriber::take(net::outbox& out, std::size_t quantum) {
     group_.settle();
     const auto& wire = line_->wire();
     const auto most = longest();

@@ -17,7 +17,7 @@ void send_queue::push(const shared_packet& object, std::uint64_t sequence, wall_
     stretches_.push_back({{}, 1, skipped, false, object, sequence, published_at, trace});
 }
 
-send_queue::stretch send_queue::pop(std::uint64_t most) {
+[[gnu::hot]] send_queue::stretch send_queue::pop(std::uint64_t most) {
     auto& oldest = stretches_.front();
     stretch taken;
     if (most >= oldest.packets) {

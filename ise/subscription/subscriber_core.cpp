@@ -303,7 +303,7 @@ result<void> subscriber_core::on_packet(const packet_place& place, incoming_pack
 }
 
 // The rule: each is the next one, and there is room for it.
-std::size_t subscriber_core::take_run(bytes_view frames) {
+[[gnu::hot]] std::size_t subscriber_core::take_run(bytes_view frames) {
     if (!established_ || adapter_ || lost_before_ != 0 || !has_room()) return 0;
     std::size_t size = 0, packets = 0;
     for (const auto room = capacity_ - queue_.size(); packets < room && size < frames.size(); ++packets) {

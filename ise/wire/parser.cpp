@@ -46,7 +46,7 @@ std::string_view name_of(frame_type type) noexcept {
     return "unknown";
 }
 
-std::span<std::byte> parser::prepare() {
+[[gnu::hot]] std::span<std::byte> parser::prepare() {
     const std::size_t used = storage_.size();
     const bool filled = used == room_; // the last read filled its room: this one gets more
     drop_taken();
@@ -66,7 +66,7 @@ std::span<std::byte> parser::prepare() {
     return {storage_.data() + storage_.size(), room_ - storage_.size()};
 }
 
-bytes_view parser::take_alike(const frame& first, std::uint64_t& others) noexcept {
+[[gnu::hot]] bytes_view parser::take_alike(const frame& first, std::uint64_t& others) noexcept {
     const std::byte* const from = first.body.data() - frame_header::size;
     while (pending() >= frame_header::size) {
         const auto header = read_header(storage_.data() + begin_);

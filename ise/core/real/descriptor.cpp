@@ -61,7 +61,7 @@ void descriptor::close_descriptor() noexcept {
     fd_.reset();
 }
 
-void descriptor::want_read() {
+[[gnu::hot]] void descriptor::want_read() {
     if (asio_) return asio_watch::wait(asio_, false);
     if (own_ && readable_ && !std::exchange(again_, true)) own_->again(*this);
 }
@@ -101,7 +101,7 @@ void descriptor::on_received_all() {
     if (auto problem = waits_to_write_ ? own_->change(*this, true) : own_->add(*this)) on_received({}, problem);
 }
 
-void descriptor::on_events(ready what) {
+[[gnu::hot]] void descriptor::on_events(ready what) {
     if (what.to_write && std::exchange(waits_to_write_, false)) {
         own_->change(*this, false);
         on_writable();

@@ -68,7 +68,7 @@ bool socket_stream::deliver_to(stream_reader& reader) {
     return true;
 }
 
-void socket_stream::deliver() {
+[[gnu::hot]] void socket_stream::deliver() {
     std::size_t delivered = 0;
     while (delivered < stream_reader::turn_bytes && may_read()) {
         const auto room = deliver_to_->room();
@@ -87,7 +87,7 @@ void socket_stream::deliver() {
     want_read();
 }
 
-void socket_stream::on_received(bytes_view content, const std::error_code& problem) {
+[[gnu::hot]] void socket_stream::on_received(bytes_view content, const std::error_code& problem) {
     while (!content.empty()) {
         const auto room = deliver_to_->room();
         const auto some = content.first(std::min(content.size(), room.size()));
@@ -100,7 +100,7 @@ void socket_stream::on_received(bytes_view content, const std::error_code& probl
     if (problem) deliver_to_->on_bytes({problem, 0});
 }
 
-void socket_stream::on_readable() {
+[[gnu::hot]] void socket_stream::on_readable() {
     if (deliver_to_) return deliver();
     if (!reader_.waiting() || !may_read()) return;
     auto got = read(into_);
@@ -108,7 +108,7 @@ void socket_stream::on_readable() {
     else reader_.resume(got);
 }
 
-transfer socket_stream::read(asio::mutable_buffer into) {
+[[gnu::hot]] transfer socket_stream::read(asio::mutable_buffer into) {
     auto got = passed_ ? receive_passed(fd(), into, *passed_) : receive_bytes(fd(), into);
     if (got.problem) [[unlikely]] {
         if (got.problem == asio::error::would_block) found_nothing();
@@ -119,7 +119,9 @@ transfer socket_stream::read(asio::mutable_buffer into) {
 }
 
 // Also from another thread: signs of life.
-transfer socket_stream::try_write(std::span<const asio::const_buffer> from) { return send_bytes(fd(), from); }
+[[gnu::hot]] transfer socket_stream::try_write(std::span<const asio::const_buffer> from) {
+    return send_bytes(fd(), from);
+}
 
 task<std::error_code> socket_stream::wait_writable() {
     if (!fd_open()) co_return asio::error::operation_aborted;

@@ -154,7 +154,7 @@ asio::execution_context& epoll_loop::objects() {
     return asio_;
 }
 
-void epoll_loop::run() {
+[[gnu::hot]] void epoll_loop::run() {
     inside here(*this);
     while (!stopped_.load(std::memory_order_relaxed)) {
         tell(wait());
@@ -167,7 +167,7 @@ void epoll_loop::run() {
 }
 
 // Others post, then look whether it sleeps; it says that it sleeps, then looks whether they posted.
-int epoll_loop::wait() {
+[[gnu::hot]] int epoll_loop::wait() {
     const bool busy = !queue_.empty() || !again_.empty();
     if (!busy) sleeping_ = true;
     const bool sleeps = !busy && !has_posted_ && !stopped_;
@@ -178,7 +178,7 @@ int epoll_loop::wait() {
     return come;
 }
 
-int epoll_loop::take_events(int timeout) noexcept {
+[[gnu::hot]] int epoll_loop::take_events(int timeout) noexcept {
     // Not by the C library's function, a cancellation point: two locked instructions.
     const auto come = static_cast<int>(::syscall(SYS_epoll_pwait, epoll_.get(), events_.data(),
                                                  static_cast<int>(events_.size()), timeout, nullptr, 0));
@@ -187,7 +187,7 @@ int epoll_loop::take_events(int timeout) noexcept {
 }
 
 // A turn for each: what one brings may close another, whose events that are still to come are taken away then.
-void epoll_loop::tell(int count) {
+[[gnu::hot]] void epoll_loop::tell(int count) {
     come_ = count;
     for (told_ = 0; told_ < come_;) {
         const auto& event = events_[static_cast<std::size_t>(told_++)];
@@ -218,7 +218,7 @@ void epoll_loop::take_posted() {
 }
 
 // What it posts itself comes after the sockets. What is left when it stops is worked off by who ends it.
-void epoll_loop::work_off() {
+[[gnu::hot]] void epoll_loop::work_off() {
     for (auto left = queue_.size(); left > 0 && !stopped_.load(std::memory_order_relaxed); --left) queue_.pop_front()();
 }
 

@@ -129,7 +129,7 @@ bool receive_ring::system_has_work() const noexcept {
     return load(submit_flags_) & (IORING_SQ_TASKRUN | IORING_SQ_CQ_OVERFLOW);
 }
 
-int receive_ring::enter(unsigned completions) noexcept {
+[[gnu::hot]] int receive_ring::enter(unsigned completions) noexcept {
     return static_cast<int>(
         ::syscall(SYS_io_uring_enter, ring_.get(), unsubmitted(), completions, IORING_ENTER_GETEVENTS, nullptr, 0));
 }
@@ -163,7 +163,7 @@ void receive_ring::cancel(std::uint64_t name) noexcept {
     request.user_data = cancel_name;
 }
 
-void receive_ring::give_back(std::uint16_t buffer) noexcept {
+[[gnu::hot]] void receive_ring::give_back(std::uint16_t buffer) noexcept {
     // The tail of the list lies in what its first entry does not use.
     auto* list = buffer_list_.at<io_uring_buf>();
     auto& entry = list[buffer_tail_++ % buffers];
@@ -200,7 +200,7 @@ void receive_ring::forget(descriptor& who) noexcept {
     enter(0);
 }
 
-bool receive_ring::wait(bool sleeps) noexcept {
+[[gnu::hot]] bool receive_ring::wait(bool sleeps) noexcept {
     take_completions();
     const bool has_come = epoll_ready_ || !came_.empty();
     if (has_come ? unsubmitted() > 0 : sleeps || unsubmitted() > 0 || system_has_work()) {
@@ -210,7 +210,7 @@ bool receive_ring::wait(bool sleeps) noexcept {
     return std::exchange(epoll_ready_, false);
 }
 
-void receive_ring::take_completions() noexcept {
+[[gnu::hot]] void receive_ring::take_completions() noexcept {
     auto head = *complete_head_;
     const auto tail = load(complete_tail_);
     bool epoll_watched = true;
@@ -227,13 +227,13 @@ void receive_ring::take_completions() noexcept {
     if (!epoll_watched) watch_epoll();
 }
 
-void receive_ring::tell(loop& on) {
+[[gnu::hot]] void receive_ring::tell(loop& on) {
     // What one brings may close others, and begin with more.
     for (std::size_t next = 0; next < came_.size(); ++next) tell_one(came_[next], on);
     came_.clear();
 }
 
-void receive_ring::tell_one(const completion& came, loop& on) {
+[[gnu::hot]] void receive_ring::tell_one(const completion& came, loop& on) {
     const auto at = static_cast<std::uint32_t>(came.what);
     auto* who = places_[at].of;
     const bool has_bytes = came.result > 0;

@@ -48,7 +48,7 @@ process_identity this_process() {
     return made;
 }
 
-time_point recent_time() {
+[[gnu::hot]] time_point recent_time() {
     timespec at{};
     clock_gettime(CLOCK_MONOTONIC_COARSE, &at);
     return time_point(std::chrono::seconds(at.tv_sec) + std::chrono::nanoseconds(at.tv_nsec));

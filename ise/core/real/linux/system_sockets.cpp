@@ -138,7 +138,7 @@ void set_option(int socket, int level, int name, int value) noexcept {
     ::setsockopt(socket, level, name, &value, sizeof value);
 }
 
-transfer receive_bytes(int socket, asio::mutable_buffer into) noexcept {
+[[gnu::hot]] transfer receive_bytes(int socket, asio::mutable_buffer into) noexcept {
     for (;;)
         if (auto got = outcome_of(receive(socket, into, nullptr, nullptr))) return end_if_empty(*got);
 }
@@ -149,7 +149,7 @@ transfer receive_passed(int socket, asio::mutable_buffer into, std::vector<owned
 }
 
 // A single piece goes without the list of pieces, which the system would copy and check.
-transfer send_bytes(int socket, std::span<const asio::const_buffer> from) noexcept {
+[[gnu::hot]] transfer send_bytes(int socket, std::span<const asio::const_buffer> from) noexcept {
     if (from.size() == 1)
         for (;;)
             if (auto sent = outcome_of(send_to(socket, from[0].data(), from[0].size(), nullptr, 0))) return *sent;
