@@ -90,6 +90,7 @@ void descriptor::on_again() {
 
 // One that has ended already, or waits to write, has an event to come that would not come again.
 bool descriptor::receive() {
+    if (receives()) return true;
     if (!own_ || over_ || waits_to_write_ || !own_->receive(*this)) return false;
     readable_ = false;
     return true;
