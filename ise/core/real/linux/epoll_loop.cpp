@@ -12,7 +12,6 @@
 #include <system_error>
 
 #include <sys/eventfd.h>
-#include <sys/syscall.h>
 #include <sys/timerfd.h>
 #include <unistd.h>
 
@@ -179,9 +178,7 @@ asio::execution_context& epoll_loop::objects() {
 }
 
 [[gnu::hot]] int epoll_loop::take_events(int timeout) noexcept {
-    // Not by the C library's function, a cancellation point: two locked instructions.
-    const auto come = static_cast<int>(::syscall(SYS_epoll_pwait, epoll_.get(), events_.data(),
-                                                 static_cast<int>(events_.size()), timeout, nullptr, 0));
+    const int come = ::epoll_wait(epoll_.get(), events_.data(), static_cast<int>(events_.size()), timeout);
     if (ring_ && come == static_cast<int>(events_.size())) ring_->epoll_has_more();
     return std::max(come, 0); // interrupted: none
 }

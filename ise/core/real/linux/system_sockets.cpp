@@ -13,7 +13,6 @@
 
 #include <netinet/in.h>
 #include <netinet/tcp.h>
-#include <sys/syscall.h>
 #include <sys/uio.h>
 #include <unistd.h>
 
@@ -41,15 +40,6 @@ std::optional<transfer> outcome_of(std::ptrdiff_t count) noexcept {
 transfer end_if_empty(transfer got) noexcept {
     if (!got.problem && got.bytes == 0) got.problem = asio::error::eof;
     return got;
-}
-
-// The system's own calls: the C library's are cancellation points, which cost two locked instructions each.
-std::ptrdiff_t receive(int socket, asio::mutable_buffer into, sockaddr* from, socklen_t* size) noexcept {
-    return ::syscall(SYS_recvfrom, socket, into.data(), into.size(), 0, from, size);
-}
-std::ptrdiff_t send_to(int socket, const void* content, std::size_t bytes, const sockaddr* to,
-                       socklen_t size) noexcept {
-    return ::syscall(SYS_sendto, socket, content, bytes, MSG_NOSIGNAL | MSG_DONTWAIT, to, size);
 }
 
 // Descriptors beyond the room for them are closed by the system.
@@ -140,7 +130,7 @@ void set_option(int socket, int level, int name, int value) noexcept {
 
 [[gnu::hot]] transfer receive_bytes(int socket, asio::mutable_buffer into) noexcept {
     for (;;)
-        if (auto got = outcome_of(receive(socket, into, nullptr, nullptr))) return end_if_empty(*got);
+        if (auto got = outcome_of(::recv(socket, into.data(), into.size(), 0))) return end_if_empty(*got);
 }
 
 transfer receive_passed(int socket, asio::mutable_buffer into, std::vector<owned_fd>& passed) {
@@ -150,9 +140,10 @@ transfer receive_passed(int socket, asio::mutable_buffer into, std::vector<owned
 
 // A single piece goes without the list of pieces, which the system would copy and check.
 [[gnu::hot]] transfer send_bytes(int socket, std::span<const asio::const_buffer> from) noexcept {
+    constexpr int flags = MSG_NOSIGNAL | MSG_DONTWAIT;
     if (from.size() == 1)
         for (;;)
-            if (auto sent = outcome_of(send_to(socket, from[0].data(), from[0].size(), nullptr, 0))) return *sent;
+            if (auto sent = outcome_of(::send(socket, from[0].data(), from[0].size(), flags))) return *sent;
     iovec pieces[64];
     msghdr message{};
     message.msg_iov = pieces;
@@ -160,7 +151,7 @@ transfer receive_passed(int socket, asio::mutable_buffer into, std::vector<owned
     for (std::size_t i = 0; i < message.msg_iovlen; ++i)
         pieces[i] = {const_cast<void*>(from[i].data()), from[i].size()};
     for (;;)
-        if (auto sent = outcome_of(::sendmsg(socket, &message, MSG_NOSIGNAL | MSG_DONTWAIT))) return *sent;
+        if (auto sent = outcome_of(::sendmsg(socket, &message, flags))) return *sent;
 }
 
 void limit_unsent_bytes(int socket, std::size_t most) noexcept { // a local one has none
@@ -171,12 +162,14 @@ void end_sending(int socket) noexcept { ::shutdown(socket, SHUT_WR); }
 
 transfer receive_datagram(int socket, asio::mutable_buffer into, sockaddr* from, socklen_t& size) noexcept {
     for (;;)
-        if (auto got = outcome_of(receive(socket, into, from, &size))) return *got;
+        if (auto got = outcome_of(::recvfrom(socket, into.data(), into.size(), 0, from, &size))) return *got;
 }
 
 std::error_code send_datagram(int socket, bytes_view content, const sockaddr* to, socklen_t size) noexcept {
+    constexpr int flags = MSG_NOSIGNAL | MSG_DONTWAIT;
     for (;;)
-        if (auto sent = outcome_of(send_to(socket, content.data(), content.size(), to, size))) return sent->problem;
+        if (auto sent = outcome_of(::sendto(socket, content.data(), content.size(), flags, to, size)))
+            return sent->problem;
 }
 
 std::optional<ucred> credentials_of_peer(int socket) noexcept {
