@@ -325,8 +325,8 @@ result<void> connection::take_own(const carried_frame& received, user* receiver)
     if (open()) signs_->release(alive_.last_sent());
 }
 
-// Calls and replies that wait alone, as most do, need no batch: they are written from where they lie. The rest, and what
-// does not go whole, is `write_out`'s matter.
+// Calls and replies that wait alone, as most do, need no batch: they are written from where they lie. The rest, and
+// what does not go whole, is `write_out`'s matter.
 [[gnu::hot]] bool connection::write_calls() {
     if (batch_ || phase_ != phase::open || !outbox_.calls_alone()) return false;
     const asio::const_buffer whole(outbox_.calls().data(), outbox_.calls().size());

@@ -225,8 +225,8 @@ std::error_code epoll_loop::add(descriptor& watched) {
                                                                                 : last_system_error();
 }
 
-// Who waits to write has much to do with its socket: the ring no longer receives for it. Until then epoll knows of it only
-// that it waits.
+// What waits to write moves much: the ring is to receive for it no longer. Until it has stopped, epoll knows only that
+// it waits.
 std::error_code epoll_loop::change(descriptor& watched, bool to_write) {
     const bool told = !watched.receives();
     if (!told && to_write) ring_->leave(watched);

@@ -23,8 +23,8 @@
 
 namespace ise::real {
 
-/// A loop of ISE's own and its thread: sockets by epoll, edge-triggered, and by io_uring where messages are short; a timer;
-/// work of other threads, which wake it only when it sleeps. Without a lock on the way of a turn.
+/// A loop of ISE's own and its thread: sockets by epoll, edge-triggered, and by io_uring where messages are short; a
+/// timer; work of other threads, which wake it only when it sleeps. Without a lock on the way of a turn.
 ///
 /// Objects of Asio that are made on its executor live on an io_context beside it, whose thread starts with the first of
 /// them; their completions are posted to the loop.

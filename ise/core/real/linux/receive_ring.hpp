@@ -14,9 +14,9 @@ struct io_uring_sqe;
 
 namespace ise::real {
 
-/// Receives for the sockets of a loop by io_uring, and waits for its epoll instance too: the system call that waits brings
-/// what came. With epoll alone it takes two, and the socket is looked at twice. For short messages: a socket of which a
-/// receipt fills its memory goes back to epoll, and is read to where its bytes belong.
+/// Receives for sockets of a loop by io_uring, and waits for its epoll instance: the system call that waits also brings
+/// the bytes. With epoll alone it takes two, and the kernel looks at the socket twice. For short messages only: a socket
+/// whose bytes fill a buffer goes back to epoll, and is read to where its bytes belong.
 ///
 /// Used, made and destroyed by one thread.
 class receive_ring {
