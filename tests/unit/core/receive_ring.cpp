@@ -1,5 +1,5 @@
-// Sockets for which a loop of ISE's own receives by io_uring. Where the system does not offer it, all but the first test
-// holds by epoll.
+// Sockets for which a loop of ISE's own receives by io_uring. Where the system does not offer it, all but the first
+// test holds by epoll.
 #include "sockets.hpp"
 
 #include <ise/core/real/socket_stream.hpp>

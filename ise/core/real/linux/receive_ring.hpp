@@ -15,8 +15,8 @@ struct io_uring_sqe;
 namespace ise::real {
 
 /// Receives for sockets of a loop by io_uring, and waits for its epoll instance: the system call that waits also brings
-/// the bytes. With epoll alone it takes two, and the kernel looks at the socket twice. For short messages only: a socket
-/// whose bytes fill a buffer goes back to epoll, and is read to where its bytes belong.
+/// the bytes. With epoll alone it takes two, and the kernel looks at the socket twice. For short messages only: where
+/// bytes fill a buffer, their socket goes back to epoll, and is read to where they belong.
 ///
 /// Used, made and destroyed by one thread.
 class receive_ring {
