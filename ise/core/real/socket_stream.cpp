@@ -10,7 +10,7 @@
 namespace ise::real {
 namespace {
 
-// Whose messages are this short, so many times in a row, is left to the loop to receive for again.
+// A socket that brings so little, so many times in a row, is one that the loop receives for.
 constexpr std::size_t short_bytes = 4 * 1024;
 constexpr unsigned short_deliveries = 64;
 
@@ -64,7 +64,7 @@ task<transfer> socket_stream::read_some(asio::mutable_buffer into) {
 
 bool socket_stream::deliver_to(stream_reader& reader) {
     deliver_to_ = &reader;
-    if (!receive()) want_read();
+    want_read();
     return true;
 }
 

@@ -23,6 +23,9 @@ constexpr unsigned requests = 64;
 constexpr std::size_t buffer_bytes = 16 * 1024;
 constexpr std::uint16_t buffers = 8;
 
+// So many times in a row the epoll instance alone had something: then the sockets go back to it.
+constexpr unsigned waits_in_vain = 64;
+
 // Names of requests that are not a socket's.
 constexpr std::uint64_t epoll_name = std::numeric_limits<std::uint64_t>::max();
 constexpr std::uint64_t cancel_name = epoll_name - 1;
@@ -207,7 +210,15 @@ void receive_ring::forget(descriptor& who) noexcept {
         enter(sleeps && !has_come ? 1 : 0);
         take_completions();
     }
+    if (!came_.empty()) in_vain_ = 0;
+    else if (epoll_ready_ && ++in_vain_ == waits_in_vain) leave_all();
     return std::exchange(epoll_ready_, false);
+}
+
+void receive_ring::leave_all() noexcept {
+    in_vain_ = 0;
+    for (std::uint32_t at = 0; at < places_.size(); ++at)
+        if (places_[at].of) leave(at);
 }
 
 [[gnu::hot]] void receive_ring::take_completions() noexcept {

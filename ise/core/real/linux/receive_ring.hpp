@@ -16,7 +16,8 @@ namespace ise::real {
 
 /// Receives for sockets of a loop by io_uring, and waits for its epoll instance: the system call that waits also brings
 /// the bytes. With epoll alone it takes two, and the kernel looks at the socket twice. For short messages only: where
-/// bytes fill a buffer, their socket goes back to epoll, and is read to where they belong.
+/// bytes fill a buffer, their socket goes back to epoll, and is read to where they belong. So do all of them while what
+/// comes is for others, which cost one call more here.
 ///
 /// Used, made and destroyed by one thread.
 class receive_ring {
@@ -87,6 +88,7 @@ private:
     void watch_epoll() noexcept;
     void receive(std::uint32_t at) noexcept;
     void leave(std::uint32_t at) noexcept;
+    void leave_all() noexcept;
     void cancel(std::uint64_t name) noexcept;
     void give_back(std::uint16_t buffer) noexcept;
     std::uint64_t name_of(std::uint32_t at) const noexcept;
@@ -102,6 +104,7 @@ private:
     std::uint16_t buffer_tail_ = 0;
     int epoll_ = -1;
     bool epoll_ready_ = false;
+    unsigned in_vain_ = 0; // waits in a row that brought nothing for a socket
 
     std::vector<completion> came_; // what `tell` hands over
     std::vector<place> places_;
