@@ -205,9 +205,9 @@ void receive_ring::forget(descriptor& who) noexcept {
 
 [[gnu::hot]] bool receive_ring::wait(bool sleeps) noexcept {
     take_completions();
-    const bool has_come = epoll_ready_ || !came_.empty();
-    if (has_come ? unsubmitted() > 0 : sleeps || unsubmitted() > 0 || system_has_work()) {
-        enter(sleeps && !has_come ? 1 : 0);
+    if (epoll_ready_ || !came_.empty()) sleeps = false;
+    if (sleeps || unsubmitted() > 0 || system_has_work()) {
+        enter(sleeps ? 1 : 0);
         take_completions();
     }
     if (!came_.empty()) in_vain_ = 0;
