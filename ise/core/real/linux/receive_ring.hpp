@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <span>
 #include <vector>
 
 struct io_uring_buf;
@@ -70,7 +69,7 @@ private:
     struct place {
         descriptor* of = nullptr; // null: it was forgotten
         std::uint32_t round = 0;  // of a completion that is still to come: an earlier one's is passed over
-        bool leaves = false;      // its bytes come too fast
+        bool leaves = false;      // it goes back to epoll
     };
     struct completion {
         std::uint64_t what;
