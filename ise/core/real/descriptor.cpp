@@ -88,15 +88,14 @@ void descriptor::on_again() {
     if (!receives()) come_readable(false);
 }
 
-// One that has ended already, or waits to write, has an event to come that would not come again.
+// Not where an event is under way that would not be repeated: the end, or room to write.
 bool descriptor::receive() {
-    if (receives()) return true;
     if (!own_ || over_ || waits_to_write_ || !own_->receive(*this)) return false;
     readable_ = false;
     return true;
 }
 
-// From here on it is told again, and at once if there is something to read.
+// From here on epoll reports its events again, the first at once if there is something to read.
 void descriptor::on_received_all() {
     if (!own_) return; // closed
     if (auto problem = waits_to_write_ ? own_->change(*this, true) : own_->add(*this)) on_received({}, problem);

@@ -20,8 +20,8 @@ public:
     virtual void remove(descriptor& watched) noexcept = 0;
     /// It is told again that it can be read, after others had their turn.
     virtual void again(descriptor& watched) = 0;
-    /// Receives for it: what comes is handed to `on_received` in place of being told, until `on_received_all` or the
-    /// end. False: it goes on being told.
+    /// Receives for it: bytes go to `on_received`, and no events are reported, until `on_received_all` or the end.
+    /// False: events go on.
     virtual bool receive(descriptor& watched) = 0;
 
 protected:
@@ -68,7 +68,7 @@ public:
     void on_events(ready what);
     void on_again();
     /// Whether the loop receives for it.
-    bool receives() const noexcept { return receives_at_ != nowhere; }
+    bool receives() const noexcept { return receive_slot_ != no_slot; }
 
 protected:
     descriptor(loop& on, owned_fd fd) noexcept : on_(on), fd_(std::move(fd)) {}
@@ -96,7 +96,7 @@ protected:
     /// Whoever waits asks for it each time.
     void want_read();
     std::error_code want_write();
-    /// Asks the loop to receive for it from now on. False: it goes on being told what it can read.
+    /// Asks the loop to receive for it from now on, where it does not. False: events go on.
     bool receive();
     /// In a turn of the loop: bytes, valid during the call, or the end or an error, after which nothing comes. As
     /// `on_readable`.
@@ -106,7 +106,7 @@ private:
     friend class receive_ring;
     struct asio_watch;
 
-    static constexpr std::uint32_t nowhere = ~std::uint32_t{0};
+    static constexpr std::uint32_t no_slot = ~std::uint32_t{0};
     void on_received_all();
 
     static constexpr int reads_in_a_row = 16;
@@ -117,7 +117,7 @@ private:
     owned_fd fd_;
     readiness* own_ = nullptr; // else Asio
     std::shared_ptr<asio_watch> asio_;
-    std::uint32_t receives_at_ = nowhere; // its place at the ring that receives for it
+    std::uint32_t receive_slot_ = no_slot; // at the ring that receives for it
     int reads_left_ = 0;
     bool readable_ = false;
     bool over_ = false;           // the end, or an error

@@ -157,7 +157,7 @@ asio::execution_context& epoll_loop::objects() {
     inside here(*this);
     while (!stopped_.load(std::memory_order_relaxed)) {
         tell(wait());
-        if (ring_ && ring_->receives()) ring_->tell(*loop_);
+        if (ring_ && ring_->receives()) ring_->deliver(*loop_);
         if (!again_.empty()) tell_again();
         if (has_posted_.load(std::memory_order_relaxed)) take_posted();
         work_off();
@@ -225,8 +225,7 @@ std::error_code epoll_loop::add(descriptor& watched) {
                                                                                 : last_system_error();
 }
 
-// What waits to write moves much: the ring is to receive for it no longer. Until it has stopped, epoll knows only that
-// it waits.
+// A socket that waits for room to write leaves the ring. Until its last completion, epoll watches it for writing only.
 std::error_code epoll_loop::change(descriptor& watched, bool to_write) {
     const bool told = !watched.receives();
     if (!told && to_write) ring_->leave(watched);

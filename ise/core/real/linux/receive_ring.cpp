@@ -19,20 +19,18 @@ namespace ise::real {
 namespace {
 
 constexpr unsigned requests = 64;
-// A receipt that fills one is no short message.
+// A socket whose bytes fill one goes back to epoll.
 constexpr std::size_t buffer_bytes = 16 * 1024;
 constexpr std::uint16_t buffers = 8;
 
-// So many times in a row the epoll instance alone had something: then the sockets go back to it.
-constexpr unsigned waits_in_vain = 64;
+// After so many waits in a row that brought nothing but events of epoll, all sockets go back to it.
+constexpr unsigned max_idle_waits = 64;
 
-// Names of requests that are not a socket's.
-constexpr std::uint64_t epoll_name = std::numeric_limits<std::uint64_t>::max();
-constexpr std::uint64_t cancel_name = epoll_name - 1;
+// Requests that are not a socket's, by their `user_data`.
+constexpr std::uint64_t epoll_tag = std::numeric_limits<std::uint64_t>::max();
+constexpr std::uint64_t cancel_tag = epoll_tag - 1;
 
-std::uint32_t load(const std::uint32_t* at) noexcept {
-    return std::atomic_ref(*const_cast<std::uint32_t*>(at)).load(std::memory_order_acquire);
-}
+std::uint32_t load(std::uint32_t* at) noexcept { return std::atomic_ref(*at).load(std::memory_order_acquire); }
 void store(std::uint32_t* at, std::uint32_t value) noexcept {
     std::atomic_ref(*at).store(value, std::memory_order_release);
 }
@@ -44,17 +42,11 @@ std::error_code problem_of(int result) noexcept {
 
 } // namespace
 
-receive_ring::memory::memory(std::size_t size) : size_(size) {
-    at_ = ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+receive_ring::memory::memory(std::size_t size, int ring, long at) : size_(size) {
+    const int kind = ring >= 0 ? MAP_SHARED | MAP_POPULATE : MAP_PRIVATE | MAP_ANONYMOUS;
+    at_ = ::mmap(nullptr, size, PROT_READ | PROT_WRITE, kind, ring, at);
     if (at_ == MAP_FAILED) at_ = nullptr;
 }
-
-receive_ring::memory::memory(int ring, std::size_t size, long at) : size_(size) {
-    at_ = ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, ring, at);
-    if (at_ == MAP_FAILED) at_ = nullptr;
-}
-
-receive_ring::memory::memory(memory&& other) noexcept : at_(std::exchange(other.at_, nullptr)), size_(other.size_) {}
 
 receive_ring::memory& receive_ring::memory::operator=(memory&& other) noexcept {
     std::swap(at_, other.at_);
@@ -77,11 +69,10 @@ bool receive_ring::set_up(int epoll) {
     how.flags = IORING_SETUP_SINGLE_ISSUER | IORING_SETUP_DEFER_TASKRUN | IORING_SETUP_TASKRUN_FLAG;
     ring_.reset(static_cast<int>(::syscall(SYS_io_uring_setup, requests, &how)));
     if (!ring_ || !(how.features & IORING_FEAT_SINGLE_MMAP)) return false;
-    rings_ = memory(ring_.get(),
-                    std::max(how.sq_off.array + how.sq_entries * sizeof(std::uint32_t),
+    rings_ = memory(std::max(how.sq_off.array + how.sq_entries * sizeof(std::uint32_t),
                              how.cq_off.cqes + how.cq_entries * sizeof(io_uring_cqe)),
-                    IORING_OFF_SQ_RING);
-    requests_ = memory(ring_.get(), how.sq_entries * sizeof(io_uring_sqe), IORING_OFF_SQES);
+                    ring_.get(), IORING_OFF_SQ_RING);
+    requests_ = memory(how.sq_entries * sizeof(io_uring_sqe), ring_.get(), IORING_OFF_SQES);
     buffers_ = memory(buffers * buffer_bytes);
     buffer_list_ = memory(buffers * sizeof(io_uring_buf));
     if (!rings_ || !requests_ || !buffers_ || !buffer_list_) return false;
@@ -107,15 +98,15 @@ bool receive_ring::set_up(int epoll) {
 
 receive_ring::~receive_ring() {
     if (epoll_ < 0) return;
-    // The sockets are held by their receipts, and without this until some time after the descriptor is closed.
+    // The kernel holds each socket until its request is cancelled; closing the ring does that some time later only.
     auto& all = next_request();
     all.opcode = IORING_OP_ASYNC_CANCEL;
     all.cancel_flags = IORING_ASYNC_CANCEL_ANY | IORING_ASYNC_CANCEL_ALL;
-    all.user_data = cancel_name;
+    all.user_data = cancel_tag;
     enter(0);
 }
 
-// A request whose name the kernel tells with each completion. They are submitted when the loop waits next.
+// The next `enter` submits it.
 io_uring_sqe& receive_ring::next_request() noexcept {
     if (unsubmitted() > submit_mask_) enter(0);
     const auto tail = *submit_tail_;
@@ -143,27 +134,27 @@ void receive_ring::watch_epoll() noexcept {
     request.fd = epoll_;
     request.len = IORING_POLL_ADD_MULTI;
     request.poll32_events = POLLIN;
-    request.user_data = epoll_name;
+    request.user_data = epoll_tag;
 }
 
-std::uint64_t receive_ring::name_of(std::uint32_t at) const noexcept {
-    return std::uint64_t{places_[at].round} << 32 | at;
+std::uint64_t receive_ring::tag_of(std::uint32_t at) const noexcept {
+    return std::uint64_t{slots_[at].generation} << 32 | at;
 }
 
 void receive_ring::receive(std::uint32_t at) noexcept {
     auto& request = next_request();
     request.opcode = IORING_OP_RECV;
-    request.fd = places_[at].of->fd();
+    request.fd = slots_[at].of->fd();
     request.ioprio = IORING_RECV_MULTISHOT;
     request.flags = IOSQE_BUFFER_SELECT;
-    request.user_data = name_of(at);
+    request.user_data = tag_of(at);
 }
 
-void receive_ring::cancel(std::uint64_t name) noexcept {
+void receive_ring::cancel(std::uint64_t tag) noexcept {
     auto& request = next_request();
     request.opcode = IORING_OP_ASYNC_CANCEL;
-    request.addr = name;
-    request.user_data = cancel_name;
+    request.addr = tag;
+    request.user_data = cancel_tag;
 }
 
 [[gnu::hot]] void receive_ring::give_back(std::uint16_t buffer) noexcept {
@@ -178,28 +169,28 @@ void receive_ring::cancel(std::uint64_t name) noexcept {
 
 void receive_ring::begin(descriptor& who) {
     if (free_.empty()) {
-        places_.emplace_back();
-        free_.reserve(places_.size());
-        free_.push_back(static_cast<std::uint32_t>(places_.size() - 1));
+        slots_.emplace_back();
+        free_.reserve(slots_.size());
+        free_.push_back(static_cast<std::uint32_t>(slots_.size() - 1));
     }
     const auto at = free_.back();
     free_.pop_back();
-    places_[at].of = &who;
-    places_[at].leaves = false;
-    who.receives_at_ = at;
+    slots_[at].of = &who;
+    slots_[at].leaves = false;
+    who.receive_slot_ = at;
     if (receiving_++ == 0) watch_epoll();
     receive(at);
 }
 
 void receive_ring::leave(std::uint32_t at) noexcept {
-    if (!std::exchange(places_[at].leaves, true)) cancel(name_of(at));
+    if (!std::exchange(slots_[at].leaves, true)) cancel(tag_of(at));
 }
 
 void receive_ring::forget(descriptor& who) noexcept {
-    const auto at = std::exchange(who.receives_at_, descriptor::nowhere);
-    if (at == descriptor::nowhere) return;
-    places_[at].of = nullptr;
-    cancel(name_of(at));
+    const auto at = std::exchange(who.receive_slot_, descriptor::no_slot);
+    if (at == descriptor::no_slot) return;
+    slots_[at].of = nullptr;
+    cancel(tag_of(at));
     enter(0);
 }
 
@@ -210,15 +201,15 @@ void receive_ring::forget(descriptor& who) noexcept {
         enter(sleeps ? 1 : 0);
         take_completions();
     }
-    if (!came_.empty()) in_vain_ = 0;
-    else if (epoll_ready_ && ++in_vain_ == waits_in_vain) leave_all();
+    if (!came_.empty()) idle_waits_ = 0;
+    else if (epoll_ready_ && ++idle_waits_ == max_idle_waits) leave_all();
     return std::exchange(epoll_ready_, false);
 }
 
 void receive_ring::leave_all() noexcept {
-    in_vain_ = 0;
-    for (std::uint32_t at = 0; at < places_.size(); ++at)
-        if (places_[at].of) leave(at);
+    idle_waits_ = 0;
+    for (std::uint32_t at = 0; at < slots_.size(); ++at)
+        if (slots_[at].of) leave(at);
 }
 
 [[gnu::hot]] void receive_ring::take_completions() noexcept {
@@ -227,10 +218,10 @@ void receive_ring::leave_all() noexcept {
     bool epoll_watched = true;
     for (; head != tail; ++head) {
         const auto& one = completions_[head & complete_mask_];
-        if (one.user_data == epoll_name) {
+        if (one.user_data == epoll_tag) {
             epoll_ready_ = epoll_ready_ || one.res > 0;
             if (one.res != -ECANCELED && !(one.flags & IORING_CQE_F_MORE)) epoll_watched = false;
-        } else if (one.user_data != cancel_name) {
+        } else if (one.user_data != cancel_tag) {
             came_.push_back({one.user_data, one.res, one.flags});
         }
     }
@@ -238,32 +229,32 @@ void receive_ring::leave_all() noexcept {
     if (!epoll_watched) watch_epoll();
 }
 
-[[gnu::hot]] void receive_ring::tell(loop& on) {
-    // What one brings may close others, and begin with more.
-    for (std::size_t next = 0; next < came_.size(); ++next) tell_one(came_[next], on);
+[[gnu::hot]] void receive_ring::deliver(loop& on) {
+    // A delivery may close other sockets, and begin to receive for more.
+    for (std::size_t next = 0; next < came_.size(); ++next) deliver_one(came_[next], on);
     came_.clear();
 }
 
-[[gnu::hot]] void receive_ring::tell_one(const completion& came, loop& on) {
-    const auto at = static_cast<std::uint32_t>(came.what);
-    auto* who = places_[at].of;
+[[gnu::hot]] void receive_ring::deliver_one(const completion& came, loop& on) {
+    const auto at = static_cast<std::uint32_t>(came.tag);
+    auto* who = slots_[at].of;
     const bool has_bytes = came.result > 0;
     const bool too_fast = came.result == static_cast<std::int32_t>(buffer_bytes) || came.result == -ENOBUFS;
     const bool ends = !has_bytes && came.result != -ENOBUFS && came.result != -ECANCELED;
     bool last = !(came.flags & IORING_CQE_F_MORE);
-    if (too_fast && last) places_[at].leaves = true;
+    if (too_fast && last) slots_[at].leaves = true;
     else if (too_fast) leave(at);
-    if (last && who && has_bytes && !places_[at].leaves) { // the system stops for reasons of its own
+    if (last && who && has_bytes && !slots_[at].leaves) { // the system stops for reasons of its own
         receive(at);
         last = false;
     }
     if (last) {
-        ++places_[at].round;
-        places_[at].of = nullptr;
-        if (who) who->receives_at_ = descriptor::nowhere;
+        ++slots_[at].generation;
+        slots_[at].of = nullptr;
+        if (who) who->receive_slot_ = descriptor::no_slot;
         free_.push_back(at);
         if (--receiving_ == 0) { // the loop waits by epoll alone
-            cancel(epoll_name);
+            cancel(epoll_tag);
             enter(0);
         }
     }

@@ -24,35 +24,33 @@ public:
     /// Null where the system does not offer it (before Linux 6.1, or forbidden, as in many containers) or has no memory
     /// or descriptor left.
     static std::unique_ptr<receive_ring> make(int epoll);
-    /// The system has let go of every socket when this returns.
+    /// The kernel has released every socket when this returns.
     ~receive_ring();
     receive_ring(const receive_ring&) = delete;
     receive_ring& operator=(const receive_ring&) = delete;
 
-    /// Receives for `who` until it is told the end or an error, or, as its bytes come too fast or it is to leave, that
-    /// it has got all.
+    /// Receives for `who` until the end, an error, or `on_received_all`: its bytes come too fast, or it was asked to
+    /// leave.
     void begin(descriptor& who);
-    /// It is to leave: it gets what the system has received by then.
-    void leave(descriptor& who) noexcept { leave(who.receives_at_); }
-    /// Tells it nothing more; the system has let go of its socket when this returns.
+    /// Sends the socket back to epoll, behind the bytes that were received by then.
+    void leave(descriptor& who) noexcept { leave(who.receive_slot_); }
+    /// Delivers nothing more. The kernel has released the socket when this returns.
     void forget(descriptor& who) noexcept;
 
     /// Whether it receives for any. Where not, the loop waits by epoll alone, which takes one call less.
     bool receives() const noexcept { return receiving_ > 0; }
-    /// Waits until something has come, or, without `sleeps`, looks only. Whether the epoll instance has events.
+    /// Waits for a completion, or, without `sleeps`, only looks. Returns whether the epoll instance has events.
     bool wait(bool sleeps) noexcept;
     /// The epoll instance has more events than were taken.
     void epoll_has_more() noexcept { epoll_ready_ = true; }
-    /// Hands over what came for sockets, in a turn of `on` for each.
-    void tell(loop& on);
+    /// Delivers the completions of sockets, each in a turn of `on`.
+    void deliver(loop& on);
 
 private:
     class memory {
     public:
         memory() = default;
-        explicit memory(std::size_t size);           // its own
-        memory(int ring, std::size_t size, long at); // the ring's
-        memory(memory&& other) noexcept;
+        explicit memory(std::size_t size, int ring = -1, long at = 0); // of the ring, if one is given
         memory& operator=(memory&& other) noexcept;
         ~memory();
         explicit operator bool() const noexcept { return at_ != nullptr; }
@@ -65,14 +63,14 @@ private:
         void* at_ = nullptr;
         std::size_t size_ = 0;
     };
-    // Of a socket, from `begin` until the system has completed its last receipt.
-    struct place {
-        descriptor* of = nullptr; // null: it was forgotten
-        std::uint32_t round = 0;  // of a completion that is still to come: an earlier one's is passed over
-        bool leaves = false;      // it goes back to epoll
+    // Of a socket, from `begin` until the last completion of its request.
+    struct slot {
+        descriptor* of = nullptr;     // null: it was forgotten
+        std::uint32_t generation = 0; // in the tag: a late cancel must not hit the next socket
+        bool leaves = false;          // it goes back to epoll
     };
     struct completion {
-        std::uint64_t what;
+        std::uint64_t tag;
         std::int32_t result;
         std::uint32_t flags;
     };
@@ -88,10 +86,10 @@ private:
     void receive(std::uint32_t at) noexcept;
     void leave(std::uint32_t at) noexcept;
     void leave_all() noexcept;
-    void cancel(std::uint64_t name) noexcept;
+    void cancel(std::uint64_t tag) noexcept;
     void give_back(std::uint16_t buffer) noexcept;
-    std::uint64_t name_of(std::uint32_t at) const noexcept;
-    void tell_one(const completion& came, loop& on);
+    std::uint64_t tag_of(std::uint32_t at) const noexcept;
+    void deliver_one(const completion& came, loop& on);
 
     owned_fd ring_;
     memory rings_, requests_, buffers_, buffer_list_;
@@ -103,12 +101,12 @@ private:
     std::uint16_t buffer_tail_ = 0;
     int epoll_ = -1;
     bool epoll_ready_ = false;
-    unsigned in_vain_ = 0; // waits in a row that brought nothing for a socket
+    unsigned idle_waits_ = 0; // in a row, that brought nothing for a socket
 
-    std::vector<completion> came_; // what `tell` hands over
-    std::vector<place> places_;
+    std::vector<completion> came_; // for `deliver`
+    std::vector<slot> slots_;
     std::vector<std::uint32_t> free_;
-    std::size_t receiving_ = 0; // places in use
+    std::size_t receiving_ = 0; // slots in use
 };
 
 } // namespace ise::real

@@ -10,6 +10,6 @@ void receive_ring::begin(descriptor&) {}
 void receive_ring::leave(std::uint32_t) noexcept {}
 void receive_ring::forget(descriptor&) noexcept {}
 bool receive_ring::wait(bool) noexcept { return false; }
-void receive_ring::tell(loop&) {}
+void receive_ring::deliver(loop&) {}
 
 } // namespace ise::real
