@@ -86,7 +86,7 @@ struct line {
         while (!all_came()) std::this_thread::yield();
         CHECK(reader->good);
     }
-    // What the test's end reads now: 0 is the end, -1 nothing.
+    // Reads a byte at the test's end: 0 at the end of the stream, -1 where nothing has come.
     std::ptrdiff_t read_now() const {
         char byte = 0;
         return ::recv(far.get(), &byte, 1, MSG_DONTWAIT);
@@ -196,7 +196,7 @@ TEST_CASE("receiving: sockets get what was sent while the loop has mostly other 
     auto one = at.run(line_on(at.host->loop()));
     for (int round = 0; round < 3; ++round) {
         one.warm_up();
-        for (int other = 0; other < 200; ++other) { // waits of the ring in vain
+        for (int other = 0; other < 200; ++other) { // events of epoll only
             std::promise<void> done;
             asio::post(at.host->loop().get_executor(), [&] { done.set_value(); });
             done.get_future().wait();
@@ -234,22 +234,7 @@ TEST_CASE("receiving: a reader that closes at some byte gets nothing more, also 
         place at(true);
         auto one = at.run(line_on(at.host->loop()));
         one.warm_up();
-        struct leaving_reader final : ise::stream_reader {
-            asio::mutable_buffer room() noexcept override { return asio::buffer(memory); }
-            void on_bytes(const ise::transfer& got) override {
-                if (closed) ++after;
-                come += got.bytes;
-                if (come < most) return;
-                closed = true;
-                from->close();
-            }
-            ise::stream* from = nullptr;
-            std::size_t most = 0, come = 0, after = 0;
-            std::string memory = std::string(3000, ' ');
-            std::atomic<bool> closed{false};
-        } leaving;
-        leaving.most = most;
-        leaving.from = one.near.get();
+        counting_reader leaving(*one.near, most);
         std::promise<void> changed;
         asio::post(at.host->loop().get_executor(), [&] {
             ise::loop::turn in(at.host->loop());
@@ -261,11 +246,11 @@ TEST_CASE("receiving: a reader that closes at some byte gets nothing more, also 
             held_loop until(at.host->loop());
             one.send(60'000);
         }
-        while (!leaving.closed) std::this_thread::yield();
+        while (!leaving.from_closed) std::this_thread::yield();
         at.run(drop(one));
         CHECK(leaving.come >= most);
         CHECK(leaving.come < most + 3000);
-        CHECK(leaving.after == 0);
+        CHECK(leaving.calls_after_close == 0);
     }
 }
 

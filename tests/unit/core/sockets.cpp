@@ -46,29 +46,6 @@ TEST_CASE("sockets: closing ends a read that waits, and so does the peer's end")
 
 namespace {
 
-// Counts what is delivered, into little room; `limit`: closes the stream once that much has come.
-struct counting_reader final : ise::stream_reader {
-    counting_reader(ise::stream& of, std::size_t most) : from(of), limit(most) {}
-
-    asio::mutable_buffer room() noexcept override { return asio::buffer(memory); }
-    void on_bytes(const ise::transfer& got) override {
-        if (from_closed) ++calls_after_close;
-        come += got.bytes;
-        if (got.problem) problem = got.problem;
-        if (!got.problem && come < limit) return;
-        from_closed = true;
-        from.close();
-    }
-
-    ise::stream& from;
-    const std::size_t limit;
-    std::string memory = std::string(1000, ' ');
-    std::size_t come = 0;
-    int calls_after_close = 0;
-    bool from_closed = false;
-    std::error_code problem;
-};
-
 // Until it is closed, with what was delivered.
 task<std::error_code> deliver_all(ise::stream& from, counting_reader& to, ise::loop& on) {
     {

@@ -11,6 +11,7 @@
 
 #include <support/local_sockets.hpp>
 
+#include <atomic>
 #include <future>
 #include <optional>
 #include <string>
@@ -123,6 +124,29 @@ inline task<std::error_code> read_error(ise::stream& from) {
     auto got = co_await from.read_some(asio::buffer(room));
     co_return got.problem;
 }
+
+/// Counts what is delivered, into little room; `limit`: closes the stream once that much has come.
+struct counting_reader final : ise::stream_reader {
+    counting_reader(ise::stream& of, std::size_t most) : from(of), limit(most) {}
+
+    asio::mutable_buffer room() noexcept override { return asio::buffer(memory); }
+    void on_bytes(const ise::transfer& got) override {
+        if (from_closed) ++calls_after_close;
+        come += got.bytes;
+        if (got.problem) problem = got.problem;
+        if (!got.problem && come < limit) return;
+        from_closed = true;
+        from.close();
+    }
+
+    ise::stream& from;
+    const std::size_t limit;
+    std::string memory = std::string(1000, ' ');
+    std::size_t come = 0;
+    int calls_after_close = 0;
+    std::atomic<bool> from_closed{false};
+    std::error_code problem;
+};
 
 inline task<> close(ise::stream& what) {
     what.close();
