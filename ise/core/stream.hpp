@@ -98,10 +98,26 @@ struct datagram {
     bytes content; ///< the whole datagram
 };
 
+/// Takes the datagrams of a socket as they arrive, without a coroutine that waits for them. Called inside a turn of the
+/// loop. May close the socket; does not destroy it.
+class datagram_reader {
+public:
+    /// Both are valid during the call.
+    virtual void on_datagram(const endpoint& from, bytes_view content) = 0;
+    /// The system reported an error. Datagrams may still come.
+    virtual void on_problem(const std::error_code& why) = 0;
+
+protected:
+    ~datagram_reader() = default;
+};
+
 /// A socket for unreliable datagrams. Used on one loop; at most one receive may be pending.
 class datagram_socket {
 public:
     virtual ~datagram_socket() = default;
+    /// From now on `reader`, which lives as long as the socket is open, gets what arrives, and `receive` is not used.
+    /// Datagrams of more than `max_bytes` are dropped. Never delivers within the call.
+    virtual void deliver_to(datagram_reader& reader, std::size_t max_bytes) = 0;
     /// Waits for the next datagram, which the socket owns: it is valid until the next call, or the end of the socket.
     /// Cancellation: terminal, no data are lost. Errors: `operation_aborted` after `close`, else those of the system.
     virtual task<std::pair<std::error_code, const datagram*>> receive() = 0;

@@ -71,11 +71,32 @@ void datagram_end::arrive(datagram what) {
     }
     received_bytes_ += what.content.size();
     received_.push_back(std::move(what));
-    if (!incoming.waiting()) return;
+    if (reader_ || incoming.waiting()) announce();
+}
+
+void datagram_end::announce() {
     submit(where_, [self = shared_from_this()] {
         loop::turn in(self->loop_);
-        self->incoming.resume({});
+        if (self->reader_) self->deliver();
+        else self->incoming.resume({});
     });
+}
+
+void datagram_end::deliver_to(datagram_reader& reader, std::size_t max_bytes) {
+    reader_ = &reader;
+    max_bytes_ = max_bytes;
+    if (!received_.empty()) announce();
+}
+
+void datagram_end::deliver() {
+    while (!closed_ && !received_.empty()) {
+        if (auto fault = owner_.begin_operation()) {
+            announce(); // it stays until the next time
+            return reader_->on_problem(fault);
+        }
+        take();
+        if (taken_.content.size() <= max_bytes_) reader_->on_datagram(taken_.peer, taken_.content);
+    }
 }
 
 void datagram_end::close() {
@@ -95,6 +116,7 @@ public:
     explicit udp_socket(std::shared_ptr<datagram_end> end) : end_(std::move(end)) {}
     ~udp_socket() override { end_->close(); }
 
+    void deliver_to(datagram_reader& reader, std::size_t max_bytes) override { end_->deliver_to(reader, max_bytes); }
     task<received> receive() override { return next(end_); }
     std::error_code try_send(const endpoint& to, bytes_view content) override {
         if (auto fault = end_->owner().begin_operation()) return fault;

@@ -23,6 +23,7 @@ public:
     const endpoint& at() const noexcept { return at_; }
     socket_owner& owner() noexcept { return owner_; }
 
+    void deliver_to(datagram_reader& reader, std::size_t max_bytes);
     std::pair<std::error_code, const datagram*> take(); ///< would_block: nothing yet; it stays until the next
     std::error_code send(const endpoint& to, bytes_view content);
     void arrive(datagram what);
@@ -33,6 +34,8 @@ public:
 
 private:
     void leave();
+    void announce(); // what has come, in a turn of its own
+    void deliver();
 
     socket_owner& owner_;
     std::shared_ptr<flow> where_;
@@ -40,6 +43,8 @@ private:
     endpoint at_;
     std::deque<datagram> received_;
     datagram taken_;
+    datagram_reader* reader_ = nullptr;
+    std::size_t max_bytes_ = 0;
     std::size_t received_bytes_ = 0;
     bool closed_ = false;
 };

@@ -88,6 +88,14 @@ void descriptor::on_again() {
     if (!receives()) come_readable(false);
 }
 
+bool descriptor::is_received_for_after(bool short_event) {
+    constexpr unsigned enough = 64;
+    short_events_ = short_event ? short_events_ + 1 : 0;
+    if (short_events_ < enough) return false;
+    short_events_ = 0;
+    return receive();
+}
+
 // Not where an event is under way that would not be repeated: the end, or room to write.
 bool descriptor::receive() {
     if (!own_ || over_ || waits_to_write_ || !own_->receive(*this)) return false;
@@ -98,7 +106,7 @@ bool descriptor::receive() {
 // From here on epoll reports its events again, the first at once if there is something to read.
 void descriptor::on_received_all() {
     if (!own_) return; // closed
-    if (auto problem = waits_to_write_ ? own_->change(*this, true) : own_->add(*this)) on_received({}, problem);
+    if (auto problem = waits_to_write_ ? own_->change(*this, true) : own_->add(*this)) on_receive_failure(problem);
 }
 
 [[gnu::hot]] void descriptor::on_events(ready what) {

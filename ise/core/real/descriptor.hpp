@@ -67,8 +67,15 @@ public:
     /// An event of the loop, in a turn of it.
     void on_events(ready what);
     void on_again();
+    /// Valid during the call that hands it over.
+    struct received {
+        bytes_view content;
+        bytes_view from; ///< of a datagram: its sender, a `sockaddr`
+    };
     /// Whether the loop receives for it.
     bool receives() const noexcept { return receive_slot_ != no_slot; }
+    /// Whether what it receives are datagrams, each from an address.
+    virtual bool takes_datagrams() const noexcept { return false; }
 
 protected:
     descriptor(loop& on, owned_fd fd) noexcept : on_(on), fd_(std::move(fd)) {}
@@ -96,21 +103,25 @@ protected:
     /// Whoever waits asks for it each time.
     void want_read();
     std::error_code want_write();
-    /// Asks the loop to receive for it from now on, where it does not. False: events go on.
-    bool receive();
-    /// In a turn of the loop: bytes, valid during the call, or the end or an error, after which nothing comes. As
-    /// `on_readable`.
-    virtual void on_received([[maybe_unused]] bytes_view content, [[maybe_unused]] const std::error_code& problem) {}
+    /// At the end of an event, which was short or not: after many short ones in a row the loop receives for it, where
+    /// it can. True: from now on it does.
+    bool is_received_for_after(bool short_event);
+    static constexpr std::size_t short_bytes = 4 * 1024;
+    /// In a turn of the loop, as `on_readable`: bytes of a stream, or a datagram.
+    virtual void on_received([[maybe_unused]] const received& what) {}
+    /// The same: an error, or the end of a stream. The loop does not receive for it any more.
+    virtual void on_receive_failure([[maybe_unused]] const std::error_code& problem) {}
+    /// The loop does not receive for it any more, and reports events from here on.
+    void on_received_all();
 
 private:
     friend class receive_ring;
     struct asio_watch;
 
     static constexpr std::uint32_t no_slot = ~std::uint32_t{0};
-    void on_received_all();
-
     static constexpr int reads_in_a_row = 16;
 
+    bool receive();
     void come_readable(bool over);
 
     loop& on_;
@@ -118,6 +129,7 @@ private:
     readiness* own_ = nullptr; // else Asio
     std::shared_ptr<asio_watch> asio_;
     std::uint32_t receive_slot_ = no_slot; // at the ring that receives for it
+    unsigned short_events_ = 0;            // in a row
     int reads_left_ = 0;
     bool readable_ = false;
     bool over_ = false;           // the end, or an error

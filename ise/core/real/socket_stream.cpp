@@ -8,13 +8,6 @@
 #include <cstring>
 
 namespace ise::real {
-namespace {
-
-// A socket that brings so little, so many times in a row, is one that the loop receives for.
-constexpr std::size_t short_bytes = 4 * 1024;
-constexpr unsigned short_deliveries = 64;
-
-} // namespace
 
 socket_stream::socket_stream(loop& on, owned_fd fd, std::string peer)
     : descriptor(on, std::move(fd)), peer_(std::move(peer)), reader_(on), writable_(on) {
@@ -79,16 +72,11 @@ bool socket_stream::deliver_to(stream_reader& reader) {
         if (got.problem || !fd_open()) return;
         delivered += got.bytes;
     }
-    short_deliveries_ = delivered < short_bytes ? short_deliveries_ + 1 : 0;
-    if (short_deliveries_ >= short_deliveries) {
-        short_deliveries_ = 0;
-        if (receive()) return;
-    }
-    want_read();
+    if (!is_received_for_after(delivered < short_bytes)) want_read();
 }
 
-[[gnu::hot]] void socket_stream::on_received(bytes_view content, const std::error_code& problem) {
-    while (!content.empty()) {
+[[gnu::hot]] void socket_stream::on_received(const received& what) {
+    for (auto content = what.content; !content.empty();) {
         const auto room = deliver_to_->room();
         const auto some = content.first(std::min(content.size(), room.size()));
         if (some.empty()) return;
@@ -97,8 +85,9 @@ bool socket_stream::deliver_to(stream_reader& reader) {
         if (!fd_open()) return;
         content = content.subspan(some.size());
     }
-    if (problem) deliver_to_->on_bytes({problem, 0});
 }
+
+void socket_stream::on_receive_failure(const std::error_code& problem) { deliver_to_->on_bytes({problem, 0}); }
 
 [[gnu::hot]] void socket_stream::on_readable() {
     if (deliver_to_) return deliver();

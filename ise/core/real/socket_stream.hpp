@@ -50,15 +50,15 @@ private:
 
     transfer read(asio::mutable_buffer into);
     void on_readable() override;
-    void on_received(bytes_view content, const std::error_code& problem) override;
+    void on_received(const received& what) override;
+    void on_receive_failure(const std::error_code& problem) override;
     void deliver();
     void on_writable() override { writable_.resume({}); }
 
     std::string peer_;
     std::vector<owned_fd>* passed_ = nullptr;
     stream_reader* deliver_to_ = nullptr;
-    unsigned short_deliveries_ = 0; // in a row
-    asio::mutable_buffer into_;     // of the read that waits
+    asio::mutable_buffer into_; // of the read that waits
     waiter<transfer> reader_;
     waiter<outcome> writable_;
 };

@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cstring>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -21,7 +23,7 @@ constexpr int kernel_buffer_bytes = 1 << 20;
 
 endpoint as_endpoint(const udp::endpoint& at) { return {protocol::udp, at.address().to_string(), at.port(), {}}; }
 
-using received = std::pair<std::error_code, const datagram*>;
+using outcome = std::pair<std::error_code, const datagram*>;
 
 class udp_socket final : public datagram_socket, private descriptor {
 public:
@@ -31,8 +33,14 @@ public:
 
     using descriptor::watch;
 
-    task<received> receive() override {
-        if (!fd_open()) co_return received(asio::error::operation_aborted, nullptr);
+    void deliver_to(datagram_reader& reader, std::size_t max_bytes) override {
+        deliver_to_ = &reader;
+        max_bytes_ = std::min(max_bytes, max_datagram);
+        want_read();
+    }
+
+    task<outcome> receive() override {
+        if (!fd_open()) co_return outcome(asio::error::operation_aborted, nullptr);
         if (may_read()) {
             auto got = take();
             if (got.first != asio::error::would_block) co_return got;
@@ -65,26 +73,64 @@ private:
     };
 
     void on_readable() override {
+        if (deliver_to_) return deliver();
         if (!receiver_.waiting() || !may_read()) return;
         auto got = take();
         if (got.first == asio::error::would_block) want_read();
         else receiver_.resume(got);
     }
     void on_writable() override {}
+    bool takes_datagrams() const noexcept override { return true; }
 
-    received take() {
-        if (room_.empty()) room_.resize(max_datagram);
-        auto size = static_cast<socklen_t>(sender_.capacity());
-        auto got = receive_datagram(fd(), asio::buffer(room_), sender_.data(), size);
-        if (got.problem == asio::error::would_block) found_nothing();
-        if (got.problem) return {got.problem, nullptr};
+    [[gnu::hot]] void on_received(const received& what) override {
+        const auto size = std::min(what.from.size(), sender_.capacity());
+        std::memcpy(sender_.data(), what.from.data(), size);
         sender_.resize(size);
-        if (sender_ != last_sender_) {
-            last_.peer = as_endpoint(sender_);
-            last_sender_ = sender_;
+        hand_over(what.content);
+    }
+    void on_receive_failure(const std::error_code& problem) override {
+        deliver_to_->on_problem(problem);
+        on_received_all();
+    }
+
+    void deliver() {
+        unsigned count = 0;
+        while (may_read()) {
+            const auto got = read();
+            if (got.problem && got.problem == asio::error::would_block) break;
+            if (got.problem) deliver_to_->on_problem(got.problem);
+            else hand_over(bytes_view(room_).first(got.bytes));
+            if (!fd_open()) return;
+            ++count;
         }
+        if (!is_received_for_after(count == 1 && max_bytes_ <= short_bytes)) want_read();
+    }
+
+    // Of the one that `sender_` has sent.
+    [[gnu::hot]] void hand_over(bytes_view content) {
+        if (content.size() <= max_bytes_) deliver_to_->on_datagram(name_of_sender(), content);
+    }
+
+    transfer read() {
+        if (room_.empty()) room_.resize(std::min(max_bytes_ + 1, max_datagram)); // longer ones are seen to be so
+        auto size = static_cast<socklen_t>(sender_.capacity());
+        const auto got = receive_datagram(fd(), asio::buffer(room_), sender_.data(), size);
+        if (got.problem == asio::error::would_block) found_nothing();
+        else if (!got.problem) sender_.resize(size);
+        return got;
+    }
+
+    outcome take() {
+        const auto got = read();
+        if (got.problem) return {got.problem, nullptr};
+        last_.peer = name_of_sender();
         last_.content.assign(room_.begin(), room_.begin() + static_cast<std::ptrdiff_t>(got.bytes));
         return {{}, &last_};
+    }
+
+    const endpoint& name_of_sender() {
+        if (sender_ != came_from_.address) came_from_ = {sender_, as_endpoint(sender_)};
+        return came_from_.named;
     }
 
     udp::endpoint address_of(const endpoint& to, std::error_code& problem) {
@@ -135,13 +181,15 @@ private:
 
     endpoint where_;
     bytes room_;
-    udp::endpoint sender_; // its datagram's
-    datagram last_;
-    udp::endpoint last_sender_;
+    udp::endpoint sender_; // of the datagram that came last
+    peer came_from_;
+    datagram last_; // for `receive`
+    datagram_reader* deliver_to_ = nullptr;
+    std::size_t max_bytes_ = max_datagram;
     std::mutex sending_; // signs of life are sent from another thread
     peer went_to_;
     std::shared_ptr<lookup> lookup_;
-    waiter<received> receiver_;
+    waiter<outcome> receiver_;
 };
 
 } // namespace

@@ -95,7 +95,9 @@ void association::on_flight(const endpoint& from, bytes_view body) {
     const bool was_sealed = seal_->sealed();
     if (seal_->take_flight(body)) send_flight();
     if (seal_->trouble() && !verdict_) return fail(*seal_->trouble());
-    if (seal_->sealed() && !was_sealed) soon();
+    if (!seal_->sealed() || was_sealed) return;
+    soon();
+    port_->on_settled();
 }
 
 // There is no session, and its user hears why.
@@ -104,6 +106,7 @@ void association::fail(const failure& why) {
     flight_at_ = time_point::max();
     readable_.resume();
     writable_.resume();
+    port_->on_settled();
 }
 
 // A peer that does not seal is told so in its own words; nothing that it says counts.
@@ -274,7 +277,8 @@ std::optional<transfer> association::read(asio::mutable_buffer into) {
         return got;
     }
     if (!channel_.in().ended() && !gone_) return {};
-    got.problem = asio::error::eof;
+    // The end that the peer gave it says more.
+    got.problem = broken_ && !channel_.in().ended() ? broken_ : asio::error::eof;
     return got;
 }
 
@@ -381,8 +385,9 @@ void association::on_gone() {
     port_->forget(*this);
 }
 
-void association::on_port_closed() {
+void association::on_port_closed(const std::error_code& why) {
     gone_ = true;
+    broken_ = why;
     timer_.disarm();
     readable_.resume();
     writable_.resume();

@@ -28,6 +28,8 @@ public:
     virtual void forget(association& gone) = 0;
     /// Without a seal: the key is proved by the old scheme here.
     virtual bool old_scheme() const noexcept = 0;
+    /// It is clear now whether a channel has a session.
+    virtual void on_settled() = 0;
 
 protected:
     ~association_port() = default;
@@ -66,8 +68,8 @@ public:
     /// Somebody says that the peer has left, or does not know us any more; where the channel is sealed that is not
     /// believed.
     void on_said_gone();
-    /// The port is closed: nothing comes any more.
-    void on_port_closed();
+    /// The port is closed: nothing comes any more. `why`: the problem of its socket, if that is the cause.
+    void on_port_closed(const std::error_code& why);
     void flush() override;
 
     // For the stream.
@@ -103,7 +105,9 @@ private:
         endpoint where;
         std::uint64_t challenge = 0;
     };
-    void soon() { on_.flush_later(shared_from_this()); }
+    void soon() {
+        if (!flush_due()) on_.flush_later(shared_from_this());
+    }
     /// What is written may go.
     bool may_send() const noexcept { return !seal_ || plain_ || seal_->sealed(); }
     void on_gone();
@@ -127,9 +131,10 @@ private:
     endpoint peer_; // changed under the port's lock: signs are sent from another thread
     std::unique_ptr<seal> seal_;
     std::optional<failure> verdict_;
-    bool calls_ = false;   // this side opened it
-    bool heard_ = false;   // data came
-    bool refused_ = false; // by an alert, without a seal of this side
+    std::error_code broken_; // the socket
+    bool calls_ = false;     // this side opened it
+    bool heard_ = false;     // data came
+    bool refused_ = false;   // by an alert, without a seal of this side
     bool refuses_ = false;
     bool plain_ = false; // though it would be sealed: whoever does not know of that is told
     time_point flight_at_ = time_point::max();

@@ -17,12 +17,12 @@ constexpr duration lookup_pause = std::chrono::milliseconds(20);
 
 port::port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens, port_security with)
     : on_(on), socket_(std::move(socket)), scratch_(wire::datagram_bytes), with_(std::move(with)), listens_(listens),
-      accepting_(listens), jar_(on.env()), again_(on, [this] {
+      accepting_(listens), jar_(on.env()), changed_(on), again_(on, [this] {
           auto problem = ask();
-          if (!problem || problem == asio::error::would_block) return;
-          dial_problem_ = problem;
-          close(); // whoever waits for datagrams hears of it
-      }) {}
+          if (problem && problem != asio::error::would_block) on_problem(problem);
+      }) {
+    socket_->deliver_to(*this, wire::datagram_bytes);
+}
 
 port::~port() { close(); }
 
@@ -38,13 +38,19 @@ std::uint64_t port::draw_id() {
     }
 }
 
-void port::take(const datagram& came) {
-    auto received = wire::read_datagram(came.content);
+// A requester's socket serves its one channel, which ends with it. A listener's goes on.
+void port::on_problem(const std::error_code& why) {
+    problem_ = why;
+    if (!listens_) close();
+    else changed_.resume();
+}
+
+[[gnu::hot]] void port::on_datagram(const endpoint& from, bytes_view content) {
+    auto received = wire::read_datagram(content);
     if (!received || closed_) return;
     const auto type = received->type;
-    if (type == wire::datagram_type::open) return on_open(came.peer, *received);
-    if (type == wire::datagram_type::cookie || type == wire::datagram_type::opened)
-        return on_answer(came.peer, *received);
+    if (type == wire::datagram_type::open) return on_open(from, *received);
+    if (type == wire::datagram_type::cookie || type == wire::datagram_type::opened) return on_answer(from, *received);
     if (type == wire::datagram_type::unknown) {
         // Listeners find out by their heartbeats: they do not look through all their peers for a stranger.
         if (auto held = dialled_; held && held->channel().peer_id() == received->id) held->on_said_gone();
@@ -55,14 +61,14 @@ void port::take(const datagram& came) {
         if (type != wire::datagram_type::data || received->body.size() < 8) return;
         buffer out(wire::frame_header::size); // never an answer longer than the question
         wire::put_datagram(out, wire::datagram_type::unknown, received->id);
-        send(came.peer, out.view());
+        send(from, out.view());
         return;
     }
     auto held = found->second;
-    if (type == wire::datagram_type::data || type == wire::sealed::data) held->on_datagram(came.peer, came.content);
-    else if (type == wire::sealed::flight) held->on_flight(came.peer, received->body);
+    if (type == wire::datagram_type::data || type == wire::sealed::data) held->on_datagram(from, content);
+    else if (type == wire::sealed::flight) held->on_flight(from, received->body);
     else if (type == wire::datagram_type::closed) held->on_said_gone();
-    else held->on_sign(came.peer, came.content);
+    else held->on_sign(from, content);
 }
 
 void port::on_open(const endpoint& from, const wire::datagram_view& received) {
@@ -84,6 +90,7 @@ void port::on_open(const endpoint& from, const wire::datagram_view& received) {
     openings_.emplace(std::pair(from, received.id), made);
     waiting_.push_back(made);
     answer_opened(*made);
+    changed_.resume();
 }
 
 void port::answer_opened(const association& to) {
@@ -138,6 +145,7 @@ void port::on_answer(const endpoint& from, const wire::datagram_view& received) 
     dialled_ = std::make_shared<association>(on_, shared_from_this(), dial_id_, their_id, from, make_seal(true));
     all_.emplace(dial_id_, dialled_);
     dialled_->begin();
+    changed_.resume();
 }
 
 bool port::lets_drain() noexcept {
@@ -176,12 +184,15 @@ void port::close() {
         closed_ = true;
         socket_->close();
     }
+    // Not within a datagram of it, which may be what closes it.
+    if (auto kept = weak_from_this().lock(); kept && !on_.abandoned()) on_.later([kept = std::move(kept)] {});
     accepting_ = false;
     again_.disarm();
-    for (auto& [id, held] : std::exchange(all_, {})) held->on_port_closed();
+    for (auto& [id, held] : std::exchange(all_, {})) held->on_port_closed(problem_);
     openings_.clear();
     waiting_.clear();
     dialled_.reset();
+    changed_.resume();
 }
 
 } // namespace ise::net::udp

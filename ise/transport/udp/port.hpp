@@ -14,9 +14,8 @@ struct port_security {
     std::shared_ptr<tls::identity> tls;    ///< in the place of the key; null: no certificates
 };
 
-/// One socket and all that is said over it. A listener's serves everybody who comes, a requester's one peer. Whoever
-/// waits for datagrams (the listener's `accept`, the requester's `read_some`) hands them to `take`.
-class port final : public association_port, public std::enable_shared_from_this<port> {
+/// One socket and all that is said over it. A listener's serves everybody who comes, a requester's one peer.
+class port final : public association_port, public datagram_reader, public std::enable_shared_from_this<port> {
 public:
     /// Channels that nobody has accepted yet; a stranger beyond asks again.
     static constexpr std::size_t max_waiting = 64;
@@ -28,16 +27,22 @@ public:
     port(loop& on, std::unique_ptr<datagram_socket> socket, bool listens, port_security with = port_security());
     ~port();
 
-    auto receive() { return socket_->receive(); }
-    /// Takes a datagram; inside a turn.
-    void take(const datagram& came);
+    void on_datagram(const endpoint& from, bytes_view content) override;
+    void on_problem(const std::error_code& why) override;
     std::error_code send(const endpoint& to, bytes_view content) override {
         return closed_ ? std::error_code() : socket_->try_send(to, content);
     }
     std::unique_lock<std::mutex> lock() override { return std::unique_lock(mutex_); }
     buffer& scratch() noexcept override { return scratch_; }
     endpoint where() const { return socket_->where(); }
-    loop& on() noexcept { return on_; }
+
+    struct woken {
+        std::error_code problem; ///< operation_aborted: the waiting coroutine was cancelled
+    };
+    /// Until a channel is there or settled, the socket has a problem, or the port is closed. Cancellation: terminal.
+    waiter<woken>::operation changed() noexcept { return changed_.wait(); }
+    /// The last error of the socket, once.
+    std::error_code take_problem() noexcept { return std::exchange(problem_, {}); }
 
     /// The next channel that a stranger opened, or null.
     std::shared_ptr<association> accepted();
@@ -50,12 +55,11 @@ public:
     bool lets_refuse() noexcept override;
     void forget(association& gone) override;
     bool old_scheme() const noexcept override { return with_.key != nullptr; }
+    void on_settled() override { changed_.resume(); }
 
     /// Opens a channel to `to`, asking again with growing pauses; `opened()` has it once the peer has answered.
     std::error_code dial(const endpoint& to);
     std::shared_ptr<association> opened() const noexcept { return dialled_; }
-    /// Why dialling was given up.
-    std::error_code dial_problem() const noexcept { return dial_problem_; }
 
     std::size_t associations() const noexcept { return all_.size(); }
 
@@ -80,6 +84,8 @@ private:
     std::deque<std::shared_ptr<association>> waiting_;
     std::size_t draining_ = 0, refusing_ = 0;
     cookie_jar jar_;
+    waiter<woken> changed_;
+    std::error_code problem_;
 
     // Dialling.
     endpoint target_;
@@ -87,7 +93,6 @@ private:
     wire::cookie cookie_{};
     timer again_;
     duration pause_{};
-    std::error_code dial_problem_;
     std::shared_ptr<association> dialled_;
 };
 

@@ -21,20 +21,17 @@ endpoint with_kind(endpoint at, protocol kind) {
 endpoint below(endpoint at) { return with_kind(std::move(at), protocol::udp); }
 endpoint certified(endpoint at) { return with_kind(std::move(at), transports::udp_tls); }
 
-// The user's end of an association. On the requester's side nobody else waits for datagrams: reading does.
+// The user's end of an association.
 class stream_end : public datagram_stream {
 public:
-    stream_end(std::shared_ptr<association> over, std::shared_ptr<port> pumped)
-        : over_(std::move(over)), pumped_(std::move(pumped)), peer_(over_->peer().text()) {}
+    explicit stream_end(std::shared_ptr<association> over) : over_(std::move(over)), peer_(over_->peer().text()) {}
     ~stream_end() override { over_->leave(); }
 
     bool deliver_to(stream_reader& reader) override {
         over_->deliver_to(reader);
-        return false; // reading waits for datagrams, or for the end
+        return false; // reading waits for the end
     }
-    task<transfer> read_some(asio::mutable_buffer into) override {
-        return pumped_ ? read_socket(over_, pumped_, into) : read(over_, into);
-    }
+    task<transfer> read_some(asio::mutable_buffer into) override { return read(over_, into); }
     transfer try_write(std::span<const asio::const_buffer> from) override { return over_->write(from); }
     task<std::error_code> wait_writable() override { return wait(over_); }
     void limit_unsent(std::size_t most) override { over_->limit_unsent(most); }
@@ -62,30 +59,12 @@ private:
             co_await from->wait_readable();
         }
     }
-    static task<transfer> read_socket(std::shared_ptr<association> from, std::shared_ptr<port> socket,
-                                      asio::mutable_buffer into) {
-        for (;;) {
-            auto got = from->read(into);
-            if (got) co_return *got;
-            auto came = co_await socket->receive();
-            if (came.first) {
-                transfer broken;
-                broken.problem = came.first;
-                auto last = from->read(into); // the end that the peer gave it says more
-                if (last) broken = *last;
-                co_return broken;
-            }
-            loop::turn in(socket->on());
-            socket->take(*came.second);
-        }
-    }
     static task<std::error_code> wait(std::shared_ptr<association> over) {
         while (over->writable() == asio::error::would_block) co_await over->wait_writable();
         co_return over->writable();
     }
 
     std::shared_ptr<association> over_;
-    std::shared_ptr<port> pumped_;
     std::string peer_;
 };
 
@@ -96,8 +75,8 @@ public:
 
 class certified_end final : public stream_end, public verified_stream {
 public:
-    certified_end(std::shared_ptr<association> over, std::shared_ptr<port> pumped)
-        : stream_end(over, std::move(pumped)), over_(std::move(over)), peer_(certified(over_->peer()).text()) {}
+    explicit certified_end(std::shared_ptr<association> over)
+        : stream_end(over), over_(std::move(over)), peer_(certified(over_->peer()).text()) {}
 
     std::string peer() const override { return peer_; }
     void add_verified(verified_peer& to) const override {
@@ -121,11 +100,10 @@ port_security credentials_for(const endpoint& at, security with) {
     return made;
 }
 
-std::unique_ptr<stream> make_end(std::shared_ptr<association> over, std::shared_ptr<port> pumped,
-                                 const port_security& with) {
-    if (with.tls) return std::make_unique<certified_end>(std::move(over), std::move(pumped));
-    if (with.key && with.key->seals()) return std::make_unique<sealed_end>(std::move(over), std::move(pumped));
-    return std::make_unique<stream_end>(std::move(over), std::move(pumped));
+std::unique_ptr<stream> make_end(std::shared_ptr<association> over, const port_security& with) {
+    if (with.tls) return std::make_unique<certified_end>(std::move(over));
+    if (with.key && with.key->seals()) return std::make_unique<sealed_end>(std::move(over));
+    return std::make_unique<stream_end>(std::move(over));
 }
 
 class udp_listener final : public listener {
@@ -143,20 +121,14 @@ private:
         std::pair<std::error_code, std::unique_ptr<stream>> outcome;
         for (;;) {
             if (auto opened = at->accepted()) {
-                outcome.second = make_end(std::move(opened), nullptr, with);
+                outcome.second = make_end(std::move(opened), with);
                 co_return outcome;
             }
-            if (at->closed()) {
-                outcome.first = asio::error::operation_aborted;
-                co_return outcome;
-            }
-            auto came = co_await at->receive();
-            if (came.first) {
-                outcome.first = at->closed() ? std::error_code(asio::error::operation_aborted) : came.first;
-                co_return outcome;
-            }
-            loop::turn in(at->on());
-            at->take(*came.second);
+            outcome.first = at->closed() ? std::error_code(asio::error::operation_aborted) : at->take_problem();
+            if (outcome.first) co_return outcome;
+            auto woken = co_await at->changed();
+            outcome.first = woken.problem;
+            if (outcome.first) co_return outcome;
         }
     }
 
@@ -187,18 +159,15 @@ task<result<std::unique_ptr<stream>>> connect_from(loop& on, endpoint to, std::s
     auto asked = socket->dial(below(to));
     if (asked && asked != asio::error::would_block) co_return refused(asked);
     while (!socket->opened() || !socket->opened()->settled()) {
-        auto came = co_await socket->receive();
-        if (socket->dial_problem()) co_return refused(socket->dial_problem());
-        if (came.first == asio::error::operation_aborted)
-            co_return failure(errc::cancelled, "connecting was cancelled");
-        if (came.first) co_return refused(came.first);
-        loop::turn in(on);
-        socket->take(*came.second);
+        if (auto broken = socket->take_problem()) co_return refused(broken);
+        if (socket->closed()) co_return refused(asio::error::connection_reset);
+        auto woken = co_await socket->changed();
+        if (woken.problem) co_return failure(errc::cancelled, "connecting was cancelled");
     }
     if (auto why = socket->opened()->verdict())
         co_return failure(why->code(), fmt::format("{}: {}", to.text(), why->message()));
     guard.done = true;
-    auto made = make_end(socket->opened(), socket, with);
+    auto made = make_end(socket->opened(), with);
     co_return made;
 }
 

@@ -155,6 +155,40 @@ TEST_CASE("receiving: a loop has a ring where the system offers one, once a sock
     CHECK(rings_here() == before);
 }
 
+TEST_CASE("receiving: a socket that brings datagrams one at a time is received for by the ring") {
+    if (!offered()) {
+        ise_test::skip("this system does not offer io_uring to this process");
+        return;
+    }
+    struct counter final : ise::datagram_reader {
+        void on_datagram(const ise::endpoint&, ise::bytes_view) override { ++come; }
+        void on_problem(const std::error_code&) override {}
+        std::atomic<std::size_t> come{0};
+    } reader;
+    const auto before = rings_here();
+    place at(true);
+    std::unique_ptr<ise::datagram_socket> socket;
+    auto on_loop = [&](auto what) {
+        std::promise<void> done;
+        asio::post(at.host->loop().get_executor(), [&] {
+            ise::loop::turn in(at.host->loop());
+            what();
+            done.set_value();
+        });
+        done.get_future().wait();
+    };
+    on_loop([&] {
+        socket = at.env.open_datagram(at.host->loop(), ise::endpoint::parse("udp://127.0.0.1:0").value()).value();
+        socket->deliver_to(reader, 1200);
+    });
+    for (std::size_t sent = 1; sent <= 100; ++sent) {
+        if (sent != 65) CHECK(rings_here() == before + (sent > 65 ? 1 : 0)); // between the two it is made
+        REQUIRE_FALSE(socket->try_send(socket->where(), ise::as_bytes("to itself")));
+        while (reader.come < sent) std::this_thread::yield();
+    }
+    on_loop([&] { socket.reset(); });
+}
+
 TEST_CASE("receiving: short and long messages come whole and in order, whichever way they are received") {
     place at(true);
     auto one = at.run(line_on(at.host->loop()));

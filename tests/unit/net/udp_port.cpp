@@ -16,6 +16,7 @@ using namespace ise::net::udp;
 
 struct remembering_socket final : ise::datagram_socket {
     ise::bytes last;
+    void deliver_to(ise::datagram_reader&, std::size_t) override {}
     ise::task<std::pair<std::error_code, const ise::datagram*>> receive() override {
         std::pair<std::error_code, const ise::datagram*> none;
         co_return none;
@@ -44,7 +45,7 @@ TEST_CASE("channels that were left and whose peers hear nothing are few, and gon
         ise::wire::put_opening(out, id, shown);
         came.content = out.to_bytes();
         ise::loop::turn in(on);
-        at->take(came);
+        at->on_datagram(came.peer, came.content);
     };
     for (std::uint64_t id = 1; id <= port::max_draining + 50; ++id) {
         say_open(id, {});
@@ -80,7 +81,7 @@ TEST_CASE("a channel that its peer has closed does not forget the one that was o
     auto say = [&](const ise::buffer& out) {
         came.content = out.to_bytes();
         ise::loop::turn in(on);
-        at->take(came);
+        at->on_datagram(came.peer, came.content);
         return ise::wire::read_datagram(wire.last).value();
     };
     auto say_open = [&](const ise::wire::cookie& shown) {

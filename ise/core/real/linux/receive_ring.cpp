@@ -9,8 +9,10 @@
 #include <limits>
 
 #include <linux/io_uring.h>
+#include <netinet/in.h>
 #include <poll.h>
 #include <sys/mman.h>
+#include <sys/socket.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -29,6 +31,10 @@ constexpr unsigned max_idle_waits = 64;
 // Requests that are not a socket's, by their `user_data`.
 constexpr std::uint64_t epoll_tag = std::numeric_limits<std::uint64_t>::max();
 constexpr std::uint64_t cancel_tag = epoll_tag - 1;
+
+// A datagram comes behind its `io_uring_recvmsg_out` and this much room for the address of its sender.
+constexpr std::size_t address_bytes = sizeof(sockaddr_in6);
+constexpr std::size_t before_datagram = sizeof(io_uring_recvmsg_out) + address_bytes;
 
 std::uint32_t load(std::uint32_t* at) noexcept { return std::atomic_ref(*at).load(std::memory_order_acquire); }
 void store(std::uint32_t* at, std::uint32_t value) noexcept {
@@ -142,9 +148,16 @@ std::uint64_t receive_ring::tag_of(std::uint32_t at) const noexcept {
 }
 
 void receive_ring::receive(std::uint32_t at) noexcept {
+    static msghdr of_datagrams = [] {
+        msghdr made{};
+        made.msg_namelen = address_bytes;
+        return made;
+    }();
+    const auto& who = *slots_[at].of;
     auto& request = next_request();
-    request.opcode = IORING_OP_RECV;
-    request.fd = slots_[at].of->fd();
+    request.opcode = who.takes_datagrams() ? IORING_OP_RECVMSG : IORING_OP_RECV;
+    if (who.takes_datagrams()) request.addr = reinterpret_cast<std::uintptr_t>(&of_datagrams);
+    request.fd = who.fd();
     request.ioprio = IORING_RECV_MULTISHOT;
     request.flags = IOSQE_BUFFER_SELECT;
     request.user_data = tag_of(at);
@@ -235,12 +248,22 @@ void receive_ring::leave_all() noexcept {
     came_.clear();
 }
 
+[[gnu::hot]] descriptor::received receive_ring::message_in(const completion& came,
+                                                           const descriptor& to) const noexcept {
+    const auto buffer = static_cast<std::uint16_t>(came.flags >> IORING_CQE_BUFFER_SHIFT);
+    const bytes_view all(buffers_.at<std::byte>(buffer * buffer_bytes), static_cast<std::size_t>(came.result));
+    if (!to.takes_datagrams()) return {all, {}};
+    io_uring_recvmsg_out head{};
+    std::memcpy(&head, all.data(), sizeof head);
+    return {all.subspan(before_datagram), all.subspan(sizeof head, std::min(std::size_t{head.namelen}, address_bytes))};
+}
+
 [[gnu::hot]] void receive_ring::deliver_one(const completion& came, loop& on) {
     const auto at = static_cast<std::uint32_t>(came.tag);
     auto* who = slots_[at].of;
     const bool has_bytes = came.result > 0;
     const bool too_fast = came.result == static_cast<std::int32_t>(buffer_bytes) || came.result == -ENOBUFS;
-    const bool ends = !has_bytes && came.result != -ENOBUFS && came.result != -ECANCELED;
+    const bool failed = !has_bytes && came.result != -ENOBUFS && came.result != -ECANCELED;
     bool last = !(came.flags & IORING_CQE_F_MORE);
     if (too_fast && last) slots_[at].leaves = true;
     else if (too_fast) leave(at);
@@ -258,16 +281,13 @@ void receive_ring::leave_all() noexcept {
             enter(0);
         }
     }
-    const auto buffer = static_cast<std::uint16_t>(came.flags >> IORING_CQE_BUFFER_SHIFT);
     if (who && (has_bytes || last)) {
         loop::turn in(on);
-        if (has_bytes)
-            who->on_received({buffers_.at<std::byte>(buffer * buffer_bytes), static_cast<std::size_t>(came.result)},
-                             {});
-        if (ends) who->on_received({}, problem_of(came.result));
+        if (has_bytes) who->on_received(message_in(came, *who));
+        if (failed) who->on_receive_failure(problem_of(came.result));
         else if (last) who->on_received_all();
     }
-    if (came.flags & IORING_CQE_F_BUFFER) give_back(buffer);
+    if (came.flags & IORING_CQE_F_BUFFER) give_back(static_cast<std::uint16_t>(came.flags >> IORING_CQE_BUFFER_SHIFT));
 }
 
 } // namespace ise::real

@@ -14,7 +14,7 @@ struct io_uring_sqe;
 namespace ise::real {
 
 /// Receives for sockets of a loop by io_uring, and waits for its epoll instance: the system call that waits also brings
-/// the bytes. With epoll alone it takes two, and the kernel looks at the socket twice. For short messages only: where
+/// the bytes or the datagram. With epoll alone it takes two, and the kernel looks at the socket twice. For short messages only: where
 /// bytes fill a buffer, their socket goes back to epoll, and is read to where they belong. So do all of them while what
 /// comes is for others, which cost one call more here.
 ///
@@ -89,6 +89,7 @@ private:
     void cancel(std::uint64_t tag) noexcept;
     void give_back(std::uint16_t buffer) noexcept;
     std::uint64_t tag_of(std::uint32_t at) const noexcept;
+    descriptor::received message_in(const completion& came, const descriptor& to) const noexcept;
     void deliver_one(const completion& came, loop& on);
 
     owned_fd ring_;
