@@ -101,14 +101,14 @@ void connection::begin_to_take() {
             parser_.commit(got.bytes);
         }
         take_frames();
-        look_at_unfinished();
+        if (unfinished_bytes() > 0) look_at_unfinished();
     } catch (const std::bad_alloc&) {
         end_for_memory();
     }
 }
 
 void connection::look_at_unfinished() {
-    if (unfinished_bytes() == 0 || !open()) return;
+    if (!open()) return;
     auto* to = receiver();
     if (!to) return;
     if (auto fits = to->on_unfinished(); !fits) end_for(fits.error());
@@ -154,7 +154,7 @@ void connection::on_sign() {
 
 void connection::on_heard() {
     alive_.heard(on_.now());
-    look_at_unfinished();
+    if (unfinished_bytes() > 0) look_at_unfinished();
 }
 
 // A message beside the stream: a packet, and nothing that has to arrive, or arrive once.
