@@ -16,7 +16,7 @@ namespace {
 
 using by_name = std::pair<std::string, std::string>;
 
-bool is_topic(const drawn_graph& in, const std::string& provider, const std::string& service) {
+bool is_subscription(const drawn_graph& in, const std::string& provider, const std::string& service) {
     auto kind = in.kinds.find({provider, service});
     return kind != in.kinds.end() && kind->second == static_cast<std::uint8_t>(service_kind::subscription);
 }
@@ -63,12 +63,12 @@ void add_connection(styled_page& to, const drawn_graph& in, std::size_t which, b
         for (const auto& one : line.services) {
             if ((one.a_provides == me_is_a) != given) continue;
             const auto& provider = one.a_provides ? line.a : line.b;
-            bool topic = is_topic(in, provider, one.service);
+            bool subscription = is_subscription(in, provider, one.service);
             styled_line service;
             service.add(last ? "       " : "  │    ", style::dim);
             service.add(given ? "provides " : "uses     ");
-            service.add(printable(one.service), topic ? style::good : style::accent);
-            service.add(topic ? "  topic" : "  calls", style::dim);
+            service.add(printable(one.service), subscription ? style::good : style::accent);
+            service.add(subscription ? "  subscription" : "  calls", style::dim);
             if (auto rate = rate_of(in, provider, one.service); !rate.empty()) service.add("  " + rate);
             to.push_back(std::move(service));
         }
@@ -94,7 +94,7 @@ std::string label_of(const std::vector<std::string>& lines) {
 }
 
 // Colours that can be told on white and on black.
-constexpr const char *calls_colour = "#4493f8", *topics_colour = "#2da44e", *bad_colour = "#e5534b",
+constexpr const char *calls_colour = "#4493f8", *subscriptions_colour = "#2da44e", *bad_colour = "#e5534b",
                      *quiet_colour = "#848d97", *text_colour = "#6e7781";
 
 std::string node_of(const surveyed& one) {
@@ -113,20 +113,22 @@ std::string arrows_of(const drawn_graph& in, const connection_line& line, const 
     std::string text;
     auto colour = [&](const char* usual) { return line.stalled ? bad_colour : usual; };
     for (bool a_provides : {false, true})
-        for (bool topics : {false, true}) {
+        for (bool subscriptions : {false, true}) {
             std::vector<std::string> lines;
             for (const auto& one : line.services) {
                 const auto& provider = a_provides ? line.a : line.b;
-                if (one.a_provides != a_provides || is_topic(in, provider, one.service) != topics) continue;
+                if (one.a_provides != a_provides || is_subscription(in, provider, one.service) != subscriptions)
+                    continue;
                 auto rate = rate_of(in, provider, one.service);
                 lines.push_back(one.service + (rate.empty() ? "" : " " + rate));
             }
             if (lines.empty()) continue;
             lines.push_back("(" + line.over + ")");
             auto a = quoted_for_dot(line.a);
-            text += fmt::format("  {} -> {} [label={} color=\"{}\"{}];\n", a_provides ? other : a,
-                                a_provides ? a : other, label_of(lines), colour(topics ? topics_colour : calls_colour),
-                                topics ? " arrowhead=empty" : "");
+            text +=
+                fmt::format("  {} -> {} [label={} color=\"{}\"{}];\n", a_provides ? other : a, a_provides ? a : other,
+                            label_of(lines), colour(subscriptions ? subscriptions_colour : calls_colour),
+                            subscriptions ? " arrowhead=empty" : "");
         }
     if (text.empty())
         text = fmt::format("  {} -> {} [label={} dir=none color=\"{}\"];\n", quoted_for_dot(line.a), other,
@@ -229,7 +231,7 @@ std::string graph_as_dot(const drawn_graph& of) {
         "fontcolor=\"{0}\" color=\"{1}\"];\n"
         "  node [shape=box style=\"filled,rounded\" fontname=\"sans-serif\" color=\"{1}\" fillcolor=\"#ffffff\" "
         "fontcolor=\"#1f2328\"];\n  edge [fontname=\"sans-serif\" fontsize=11 fontcolor=\"{0}\"];\n"
-        "  label=\"arrows: from user to provider; blue: calls, green: topics{2}\";\n",
+        "  label=\"arrows: from user to provider; blue: calls, green: subscriptions{2}\";\n",
         text_colour, quiet_colour, of.missing.empty() ? "" : ", red: missing");
     std::map<std::string, std::vector<const surveyed*>> hosts;
     std::set<std::string> known;

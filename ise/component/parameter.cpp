@@ -2,6 +2,7 @@
 
 #include <ise/component/nearest.hpp>
 #include <ise/core/endpoint.hpp>
+#include <ise/core/readable.hpp>
 #include <ise/core/url.hpp>
 
 #include <fmt/format.h>
@@ -15,12 +16,7 @@ namespace ise {
 namespace {
 
 // As much of a text as belongs into a message.
-std::string shown(std::string_view value) {
-    std::string text;
-    for (char letter : value.substr(0, 60))
-        text += static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F ? '?' : letter;
-    return value.size() > 60 ? text + "…" : text;
-}
+std::string shown(std::string_view value) { return readable(value, 60); }
 
 std::string shown(double limit) {
     if (limit == std::floor(limit) && std::abs(limit) < 1e15) return fmt::format("{:.0f}", limit);

@@ -93,10 +93,10 @@ std::size_t readable_length(std::string_view text) noexcept {
     return letter && letter->first >= 0x20 && letter->first != 0x7f && !is_unseen(letter->first) ? letter->second : 0;
 }
 
-std::string readable(std::string_view line) {
+std::string readable(std::string_view line, std::size_t max_bytes) {
     std::string shown;
     while (!line.empty()) {
-        if (shown.size() > max_readable) return shown + "...";
+        if (shown.size() >= max_bytes) return shown + "...";
         if (auto length = readable_length(line); length > 0) {
             shown += line.substr(0, length);
             line.remove_prefix(length);

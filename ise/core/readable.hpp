@@ -12,8 +12,8 @@ inline constexpr std::size_t max_readable = 8 * 1024; ///< bytes
 std::size_t readable_length(std::string_view text) noexcept;
 
 /// One line for a terminal or a log, whatever a peer's text holds: bytes that are no UTF-8 as \xNN, characters that a
-/// terminal obeys or does not show as \u{N}, line ends and tabs as spaces; cut at `max_readable`.
-std::string readable(std::string_view line);
+/// terminal obeys or does not show as \u{N}, line ends and tabs as spaces; cut at `max_bytes`, with "..." behind.
+std::string readable(std::string_view line, std::size_t max_bytes = max_readable);
 
 /// Columns of a terminal that a UTF-8 text takes, counting code points.
 std::size_t columns(std::string_view text) noexcept;

@@ -1,4 +1,6 @@
 #pragma once
+#include <ise/core/readable.hpp>
+
 #include <algorithm>
 #include <string>
 #include <string_view>
@@ -6,12 +8,7 @@
 namespace ise::instantiation {
 
 /// As much of what others wrote as belongs into a message.
-inline std::string shown(std::string_view text) {
-    std::string made;
-    for (char letter : text.substr(0, 80))
-        made += static_cast<unsigned char>(letter) < 0x20 || letter == 0x7F ? '?' : letter;
-    return made;
-}
+inline std::string shown(std::string_view text) { return readable(text, 80); }
 
 /// "wind-speed": what follows two dashes can be nothing else.
 inline bool is_word(std::string_view text) {

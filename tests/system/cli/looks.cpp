@@ -133,7 +133,8 @@ TEST_CASE("graph shows who is connected to whom and over what, and not itself") 
     auto text = in.ise(patiently({"graph"}));
     CHECK(text.exit_code == 0);
     CHECK_THAT(text.out, Contains("  sea/console  ready\n") && Contains("─ atirma/boat  inproc") &&
-                             Contains("uses     position  topic  ") && Contains("provides position  topic  ") &&
+                             Contains("uses     position  subscription  ") &&
+                             Contains("provides position  subscription  ") &&
                              Contains("needs beeper: missing, no component provides it"));
     CHECK_THAT(text.out, !Contains("ise/cli") && Contains("as of ") && !Contains("\x1b"));
     auto dot = in.ise(patiently({"graph", "--dot"}));

@@ -7,6 +7,7 @@
 #include <support/catch.hpp>
 
 #include <algorithm>
+#include <cstdlib>
 #include <deque>
 #include <filesystem>
 
@@ -187,6 +188,19 @@ TEST_CASE("receiving: a socket that brings datagrams one at a time is received f
         while (reader.come < sent) std::this_thread::yield();
     }
     on_loop([&] { socket.reset(); });
+}
+
+TEST_CASE("receiving: a program under Valgrind has no ring, with which its threads would wait for each other") {
+    ::setenv("LD_PRELOAD", "/usr/libexec/valgrind/vgpreload_core-amd64-linux.so", 1);
+    const auto before = rings_here();
+    {
+        place at(true);
+        auto one = at.run(line_on(at.host->loop()));
+        one.warm_up();
+        CHECK(rings_here() == before);
+        at.run(drop(one));
+    }
+    ::unsetenv("LD_PRELOAD");
 }
 
 TEST_CASE("receiving: short and long messages come whole and in order, whichever way they are received") {

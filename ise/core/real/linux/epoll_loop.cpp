@@ -157,7 +157,7 @@ asio::execution_context& epoll_loop::objects() {
     inside here(*this);
     while (!stopped_.load(std::memory_order_relaxed)) {
         tell(wait());
-        if (ring_ && ring_->receives()) ring_->deliver(*loop_);
+        if (ring_) ring_->deliver(*loop_);
         if (!again_.empty()) tell_again();
         if (has_posted_.load(std::memory_order_relaxed)) take_posted();
         work_off();
