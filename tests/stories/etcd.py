@@ -102,6 +102,12 @@ class Cluster:
                 return member
         return None
 
+    def revokes_wrongly(self) -> bool:
+        """Whether a leader that stood still for longer than a lease may end leases that were renewed meanwhile at its successor
+        (etcd issue 15247, mended in 3.4.31 and 3.5.13)."""
+        major, minor, patch = (int(part) for part in self.first("maintenance/status", {})["version"].split(".")[:3])
+        return (major, minor, patch) < (3, 4, 31) or (3, 5, 0) <= (major, minor, patch) < (3, 5, 13)
+
     def demand_password(self, user: str, password: str):
         """That user may read and write what is below /ise/names/, and nothing else; then everybody needs a user."""
         below = {"permType": "READWRITE", "key": coded("/ise/names/"), "range_end": coded("/ise/names0")}
