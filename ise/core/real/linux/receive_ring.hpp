@@ -14,9 +14,9 @@ struct io_uring_sqe;
 namespace ise::real {
 
 /// Receives for sockets of a loop by io_uring, and waits for its epoll instance: the system call that waits also brings
-/// the bytes or the datagram. With epoll alone it takes two, and the kernel looks at the socket twice. For short messages only: where
-/// bytes fill a buffer, their socket goes back to epoll, and is read to where they belong. So do all of them while what
-/// comes is for others, which cost one call more here.
+/// the bytes or the datagram. With epoll alone it takes two, and the kernel looks at the socket twice. For short
+/// messages only: where bytes fill a buffer, their socket goes back to epoll, and is read to where they belong. So do
+/// all of them while what comes is for others, which cost one call more here.
 ///
 /// Used, made and destroyed by one thread.
 class receive_ring {
