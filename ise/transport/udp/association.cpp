@@ -158,7 +158,7 @@ void association::take(const endpoint& from, bytes_view body) {
     if (happened.closed && seal_ && !plain_) return on_gone();
     follow(from, happened);
     if (auto receiver = user_.lock()) {
-        receiver->on_heard();
+        if (happened.spoke) receiver->on_heard(); // a peer that reads nothing any more still acknowledges
         for (const auto& message : happened.messages)
             if (!left_) receiver->on_message(message);
         if (!left_) hand_over();

@@ -49,6 +49,7 @@ bool channel::take(bytes_view body, time_point now, events& happened) {
         ++ignored_;
         return false;
     }
+    happened.spoke = wants_ack;
     receiver_.note(detail::load_little<std::uint64_t>(body.data()), wants_ack, now);
     return true;
 }

@@ -2,7 +2,7 @@
 
 #include <cstdlib>
 #include <fstream>
-#include <iterator>
+#include <sstream>
 #include <test_folders.hpp>
 #include <unistd.h>
 
@@ -10,9 +10,12 @@ namespace host_test {
 
 namespace {
 
+// Empty where the file is gone; so is one of a process that ends while it is read.
 std::string content_of(const std::filesystem::path& file) {
     std::ifstream from(file, std::ios::binary);
-    return {std::istreambuf_iterator<char>(from), {}};
+    std::ostringstream content;
+    content << from.rdbuf();
+    return std::move(content).str();
 }
 
 std::vector<int> processes() {

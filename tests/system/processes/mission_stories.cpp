@@ -12,6 +12,7 @@
 #include <fstream>
 #include <iterator>
 #include <poll.h>
+#include <sstream>
 #include <sys/syscall.h>
 #include <test_folders.hpp>
 #include <unistd.h>
@@ -67,8 +68,9 @@ std::vector<process> started_with(const std::string& variable) {
         auto name = entry.path().filename().string();
         if (name.find_first_not_of("0123456789") != std::string::npos) continue;
         std::ifstream in(entry.path() / "environ", std::ios::binary);
-        std::string all{std::istreambuf_iterator<char>(in), {}};
-        if (all.find(variable + '\0') != std::string::npos) found.emplace_back(std::stol(name));
+        std::ostringstream all; // which bears that the process ends meanwhile
+        all << in.rdbuf();
+        if (all.str().find(variable + '\0') != std::string::npos) found.emplace_back(std::stol(name));
     }
     return found;
 }
