@@ -21,11 +21,6 @@ failure misplaced(const peer_channel& to, service_key service) { return to.mispl
 
 held<call_owner> keep(peer_channel& to) { return held<call_owner>(to); }
 
-[[gnu::hot]] kept_channel::kept_channel(const std::shared_ptr<peer_channel>& to) : to_(to.get()) {
-    if (is_here(*to_)) here_ = held<call_owner>(*to_);
-    else elsewhere_ = to;
-}
-
 [[gnu::hot]] void start_call(peer_channel& to, service_key service, duration deadline,
                              const asio::any_io_executor& waiting, call_waiter& waiter, outgoing_packet request,
                              const std::source_location& where) {

@@ -34,17 +34,6 @@ void start_call(peer_channel& to, service_key service, duration deadline, const 
                 const std::source_location& where = std::source_location());
 /// Keeps `to` for a call.
 held<call_owner> keep(peer_channel& to);
-/// Keeps the channel of a call that may be made on one thread and awaited on another.
-class kept_channel {
-public:
-    explicit kept_channel(const std::shared_ptr<peer_channel>& to);
-    peer_channel& operator*() const noexcept { return *to_; }
-
-private:
-    peer_channel* to_;
-    held<call_owner> here_;                   // made on the component's thread
-    std::shared_ptr<peer_channel> elsewhere_; // else: counts of `here_` are for that thread only
-};
 /// The same as what a subscriber needs of it.
 std::shared_ptr<subscription_owner> subscriptions_of(std::shared_ptr<peer_channel> to);
 
@@ -125,13 +114,11 @@ class [[nodiscard]] call_operation final : public awaiter, private call_waiter {
     using response_type = typename Contract::response_type;
 
 public:
-    call_operation(const std::shared_ptr<peer_channel>& to, service_key service, request_type request,
-                   duration deadline)
-        : to_(to), service_(service), request_(std::move(request)), deadline_(deadline) {}
+    call_operation(std::shared_ptr<peer_channel> to, service_key service, request_type request, duration deadline)
+        : to_(std::move(to)), service_(service), request_(std::move(request)), deadline_(deadline) {}
     /// Only before it begins.
     call_operation(call_operation&& other)
-        : to_(std::move(other.to_)), service_(other.service_), request_(std::move(other.request_)),
-          deadline_(other.deadline_) {}
+        : call_operation(std::move(other.to_), other.service_, std::move(other.request_), other.deadline_) {}
 
     template <class Promise>
     void await_suspend(std::coroutine_handle<Promise> coroutine) {
@@ -160,7 +147,7 @@ private:
     }
     void drop() noexcept override { auto dropped = std::move(waiting_); }
 
-    detail::kept_channel to_;
+    std::shared_ptr<peer_channel> to_;
     service_key service_;
     request_type request_;
     duration deadline_;
