@@ -111,7 +111,7 @@ void incoming_calls::review() {
     }
 }
 
-reply_cache& incoming_calls::replies() {
+[[gnu::hot]] reply_cache& incoming_calls::replies() {
     if (!replies_) {
         // What was answered to one identity is not shown to another, whatever it says of itself.
         replies_ =
@@ -321,7 +321,7 @@ void incoming_calls::observe_end(std::uint64_t id, errc outcome, std::string_vie
 
 // A call that the client makes again after its session was lost: it runs once, and its answer goes to where it asked
 // last.
-bool incoming_calls::seen_before(binding& of, const incoming_call& call) {
+[[gnu::hot]] bool incoming_calls::seen_before(binding& of, const incoming_call& call) {
     auto& window = replies();
     switch (window.look(call.number, call.again)) {
         case reply_cache::state::fresh:
@@ -508,7 +508,7 @@ void incoming_calls::on_session_end() {
     wire.written();
 }
 
-void incoming_calls::answer_numbered(std::uint64_t number, bytes_view frame) {
+[[gnu::hot]] void incoming_calls::answer_numbered(std::uint64_t number, bytes_view frame) {
     auto& runtime = over_.runtime();
     auto now = runtime.on().now();
     auto to = replies().finish(number, frame, now);
@@ -517,7 +517,7 @@ void incoming_calls::answer_numbered(std::uint64_t number, bytes_view frame) {
     if (over) over->send_answer(to->id, frame);
 }
 
-void incoming_calls::send_answer(std::uint64_t id, bytes_view frame) {
+[[gnu::hot]] void incoming_calls::send_answer(std::uint64_t id, bytes_view frame) {
     forget(id);
     if (!over_.open()) return;
     auto& wire = over_.wire();

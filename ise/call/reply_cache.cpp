@@ -29,7 +29,7 @@ reply_cache::entry* reply_cache::find(std::uint64_t number) noexcept {
     return found != known_.end() && found->number == number ? &slots_[found->slot] : nullptr;
 }
 
-reply_cache::state reply_cache::look(std::uint64_t number, bool again) const noexcept {
+[[gnu::hot]] reply_cache::state reply_cache::look(std::uint64_t number, bool again) const noexcept {
     if (const auto* found = find(number)) return found->answered ? state::answered : state::running;
     auto key = key_of(number);
     auto of = std::ranges::find(ranges_, key, &range::key);
@@ -38,7 +38,7 @@ reply_cache::state reply_cache::look(std::uint64_t number, bool again) const noe
     return again && unsure ? state::forgotten : state::fresh;
 }
 
-void reply_cache::begin(std::uint64_t number, place from, time_point deadline, time_point now) {
+[[gnu::hot]] void reply_cache::begin(std::uint64_t number, place from, time_point deadline, time_point now) {
     last_used_ = now;
     note(number);
     if (free_.empty()) {
@@ -55,7 +55,7 @@ void reply_cache::begin(std::uint64_t number, place from, time_point deadline, t
 }
 
 // It does not run again, whatever becomes of the rest.
-void reply_cache::note(std::uint64_t number) {
+[[gnu::hot]] void reply_cache::note(std::uint64_t number) {
     auto key = key_of(number);
     auto found = std::ranges::find(ranges_, key, &range::key);
     if (found == ranges_.end()) {
@@ -95,7 +95,8 @@ const reply_cache::place* reply_cache::destination(std::uint64_t number) const n
     return found->redirected ? found->redirected.get() : &found->from;
 }
 
-std::optional<reply_cache::place> reply_cache::finish(std::uint64_t number, bytes_view frame, time_point now) {
+[[gnu::hot]] std::optional<reply_cache::place> reply_cache::finish(std::uint64_t number, bytes_view frame,
+                                                                   time_point now) {
     auto* found = find(number);
     if (!found || found->answered) return {};
     last_used_ = now;
@@ -129,7 +130,7 @@ void reply_cache::took(std::size_t before, std::size_t after) noexcept {
 }
 
 // Whoever calls takes it off the list of those known.
-void reply_cache::drop(std::size_t slot) noexcept {
+[[gnu::hot]] void reply_cache::drop(std::size_t slot) noexcept {
     auto& gone = slots_[slot];
     if (std::exchange(gone.answered, false)) {
         --replies_;
@@ -157,7 +158,7 @@ void reply_cache::drop_where(Condition condition) {
 }
 
 // Those that nobody can wait for any more go first, then the oldest.
-void reply_cache::make_room(std::size_t more, time_point now) {
+[[gnu::hot]] void reply_cache::make_room(std::size_t more, time_point now) {
     auto full = [&](std::size_t of) {
         return replies_ >= max_replies / of || reply_bytes_ + more > max_reply_bytes / of;
     };

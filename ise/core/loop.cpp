@@ -215,7 +215,7 @@ void loop::on_alarm() {
     outputs_.push_back(output.entry_);
 }
 
-void loop::flush_later(std::shared_ptr<flushable> output) {
+[[gnu::hot]] void loop::flush_later(std::shared_ptr<flushable> output) {
     auto& listed = *output;
     if (listed.flush_due()) return;
     flush_later(listed);

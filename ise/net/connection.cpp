@@ -152,7 +152,7 @@ void connection::on_sign() {
     if (!taken) end_for(taken.error());
 }
 
-void connection::on_heard() {
+[[gnu::hot]] void connection::on_heard() {
     alive_.heard(on_.now());
     if (unfinished_bytes() > 0) look_at_unfinished();
 }

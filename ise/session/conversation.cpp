@@ -130,7 +130,7 @@ result<void> conversation::takes_answers() {
                    fmt::format("does not take its answers: {} bytes of them wait for its host (host_bytes)", of_host));
 }
 
-result<void> conversation::messages_fit() {
+[[gnu::hot]] result<void> conversation::messages_fit() {
     if (connection_->unfinished_bytes() <= host_memory::free_bytes) return {};
     counted_in_ = runtime_.hosts();
     auto of_host = counted_in_->with(*connection_).unfinished_messages;

@@ -72,7 +72,7 @@ data_writer::data_writer(buffer& out, std::uint64_t to, std::uint64_t number) : 
     out_.append(number);
 }
 
-void data_writer::put(chunk_type type, bytes_view head, bytes_view content) {
+[[gnu::hot]] void data_writer::put(chunk_type type, bytes_view head, bytes_view content) {
     auto* at = out_.grow(chunk_head_bytes + head.size() + content.size());
     detail::store_little(at, static_cast<std::uint8_t>(type));
     detail::store_little(at + 1, static_cast<std::uint16_t>(head.size() + content.size()));
@@ -80,7 +80,7 @@ void data_writer::put(chunk_type type, bytes_view head, bytes_view content) {
     std::copy(content.begin(), content.end(), at + chunk_head_bytes + head.size());
 }
 
-void data_writer::put(chunk_type type, std::uint64_t value) {
+[[gnu::hot]] void data_writer::put(chunk_type type, std::uint64_t value) {
     std::array<std::byte, 8> raw;
     detail::store_little(raw.data(), value);
     put(type, raw);

@@ -50,7 +50,7 @@ public:
         co_return got;
     }
 
-    std::error_code try_send(const endpoint& to, bytes_view content) override {
+    [[gnu::hot]] std::error_code try_send(const endpoint& to, bytes_view content) override {
         std::error_code problem;
         auto address = address_of(to, problem);
         if (problem) return problem;

@@ -41,7 +41,7 @@ void association::use(std::weak_ptr<datagram_stream::user> receiver) {
 }
 
 // It may leave while it takes.
-void association::hand_over() {
+[[gnu::hot]] void association::hand_over() {
     auto& in = channel_.in();
     while (!left_ && reader_ && in.readable()) {
         const auto room = reader_->room();
@@ -129,7 +129,7 @@ void association::seal_it(buffer& datagram) {
     if (seal_ && !plain_) seal_->close(datagram, channel_.out().acked(), on_.now());
 }
 
-void association::on_datagram(const endpoint& from, bytes_view datagram) {
+[[gnu::hot]] void association::on_datagram(const endpoint& from, bytes_view datagram) {
     const bool sealed = type_of(datagram) == wire::sealed::data;
     const auto received = datagram.subspan(wire::frame_header::size);
     if (!seal_ || plain_) {
@@ -148,7 +148,7 @@ void association::on_datagram(const endpoint& from, bytes_view datagram) {
     }
 }
 
-void association::take(const endpoint& from, bytes_view body) {
+[[gnu::hot]] void association::take(const endpoint& from, bytes_view body) {
     channel::events happened;
     if (!channel_.take(body, on_.now(), happened)) {
         // Duplicates are no reason to do anything, and who breaks a rule is told nothing.
@@ -188,7 +188,7 @@ bool association::show_sign() noexcept {
 
 // The peer's address may change under way (a router forgot it): whoever knows our id is followed, but to an address
 // that it did not prove to receive at goes nothing but the question.
-void association::follow(const endpoint& from, const channel::events& happened) {
+[[gnu::hot]] void association::follow(const endpoint& from, const channel::events& happened) {
     if (happened.challenge) send_probe(from, wire::chunk_type::response, *happened.challenge);
     if (from == peer_) return;
     if (!candidate_ || candidate_->where != from) {
@@ -213,7 +213,7 @@ void association::send_probe(const endpoint& to, wire::chunk_type type, std::uin
     port_->send(to, out.view());
 }
 
-void association::flush() {
+[[gnu::hot]] void association::flush() {
     if (gone_ || on_.abandoned() || refuses_) return;
     if (!may_send()) return rearm();
     auto now = on_.now();
@@ -240,7 +240,7 @@ void association::flush() {
     }
 }
 
-void association::rearm() {
+[[gnu::hot]] void association::rearm() {
     auto at = may_send() ? channel_.due(on_.now()) : time_point::max();
     at = std::min(at, flight_at_);
     if (drain_until_) at = std::min(at, *drain_until_);

@@ -38,7 +38,7 @@ bool channel::fresh(bytes_view body) const noexcept {
     return body.size() >= 8 && receiver_.fresh(detail::load_little<std::uint64_t>(body.data()));
 }
 
-bool channel::take(bytes_view body, time_point now, events& happened) {
+[[gnu::hot]] bool channel::take(bytes_view body, time_point now, events& happened) {
     if (!fresh(body)) {
         ++ignored_;
         return false;
@@ -54,7 +54,7 @@ bool channel::take(bytes_view body, time_point now, events& happened) {
     return true;
 }
 
-bool channel::take_chunks(wire::chunk_reader& chunks, time_point now, events& happened, bool& wants_ack) {
+[[gnu::hot]] bool channel::take_chunks(wire::chunk_reader& chunks, time_point now, events& happened, bool& wants_ack) {
     while (auto one = chunks.next()) {
         auto value = read_u64(one->content);
         if (one->type != chunk_type::ack && one->type != chunk_type::room) wants_ack = true; // unknown ones as well
@@ -89,7 +89,7 @@ bool channel::take_chunks(wire::chunk_reader& chunks, time_point now, events& ha
     return !chunks.broken();
 }
 
-bool channel::next(buffer& out, time_point now) {
+[[gnu::hot]] bool channel::next(buffer& out, time_point now) {
     bool ready = sender_.ready(now);
     bool ack = receiver_.ack_pending() && (ready || receiver_.ack_due(now));
     if (!ready && !ack) return false;
@@ -116,7 +116,7 @@ void channel::put_probe(buffer& out, wire::chunk_type type, std::uint64_t value)
     sender_.on_sent(next_number_++, out.size() - start, false, time_point{}); // whoever needs it asks again
 }
 
-time_point channel::due(time_point now) noexcept {
+[[gnu::hot]] time_point channel::due(time_point now) noexcept {
     return std::min(
         {sender_.due(now), receiver_.ack_pending() ? receiver_.ack_at() : time_point::max(), messages_.due()});
 }

@@ -69,7 +69,7 @@ void outgoing_messages::forget(std::uint64_t key) noexcept {
     });
 }
 
-void outgoing_messages::fill(wire::data_writer& out, std::vector<sent_fragment>& sent) {
+[[gnu::hot]] void outgoing_messages::fill(wire::data_writer& out, std::vector<sent_fragment>& sent) {
     for (std::size_t place = 0; place < sending_.size() && out.room() > wire::fragment_head_bytes;) {
         auto message = sending_[place];
         bool repeated = !message->again.empty();

@@ -17,7 +17,7 @@ constexpr std::size_t runs_alone = 32, runs_beside = 6;
 
 } // namespace
 
-void receiver::note(std::uint64_t number, bool wants_ack, time_point now) {
+[[gnu::hot]] void receiver::note(std::uint64_t number, bool wants_ack, time_point now) {
     bool in_order = came_.empty() ? number == 0 : number == largest_ + 1;
     came_.add(number, number + 1);
     while (came_.intervals() > max_gaps) {
@@ -44,7 +44,7 @@ void receiver::put_ack(wire::data_writer& out, bool alone, time_point now) {
     ack_at_ = time_point::max();
 }
 
-void receiver::put_runs(wire::data_writer& out, bool alone, time_point now) const {
+[[gnu::hot]] void receiver::put_runs(wire::data_writer& out, bool alone, time_point now) const {
     std::array<std::byte, 16 + 8 * runs_alone> raw;
     auto limit = alone ? runs_alone : runs_beside;
     auto run = came_.all().rbegin();
@@ -66,7 +66,7 @@ void receiver::put_runs(wire::data_writer& out, bool alone, time_point now) cons
     out.put(wire::chunk_type::ack, bytes_view(raw).first(size));
 }
 
-bool receiver::take_content(std::uint64_t offset, bytes_view content) {
+[[gnu::hot]] bool receiver::take_content(std::uint64_t offset, bytes_view content) {
     if (content.empty()) return true;
     if (offset > room() || content.size() > room() - offset) return false;
     auto end = offset + content.size();
@@ -97,7 +97,7 @@ bool receiver::take_end(std::uint64_t offset) {
     return true;
 }
 
-std::size_t receiver::read(std::span<std::byte> into) {
+[[gnu::hot]] std::size_t receiver::read(std::span<std::byte> into) {
     auto content = ready();
     content = content.first(std::min(into.size(), content.size()));
     if (content.empty()) return 0;
@@ -106,7 +106,7 @@ std::size_t receiver::read(std::span<std::byte> into) {
     return content.size();
 }
 
-void receiver::consume(std::size_t count) {
+[[gnu::hot]] void receiver::consume(std::size_t count) {
     head_ += count;
     base_ += count;
     if (head_ == buffer_.size()) {

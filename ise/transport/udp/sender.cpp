@@ -22,7 +22,7 @@ std::size_t sender::write(bytes_view content) {
     return count;
 }
 
-bool sender::has_content() const noexcept {
+[[gnu::hot]] bool sender::has_content() const noexcept {
     return !again_.empty() || next_ < limit() || end_waits() || probe_wanted_ || !messages_.empty();
 }
 
@@ -32,7 +32,7 @@ bool sender::ready(time_point now) noexcept {
     return network_.window_open() && network_.paced_until(now) <= now;
 }
 
-void sender::put_content(wire::data_writer& out, std::uint64_t begin, std::uint64_t end) {
+[[gnu::hot]] void sender::put_content(wire::data_writer& out, std::uint64_t begin, std::uint64_t end) {
     std::array<std::byte, 8> offset;
     detail::store_little(offset.data(), begin);
     auto at = head_ + static_cast<std::size_t>(begin - base_);
@@ -40,7 +40,7 @@ void sender::put_content(wire::data_writer& out, std::uint64_t begin, std::uint6
     filling_.content.emplace_back(begin, end);
 }
 
-bool sender::fill(wire::data_writer& out) {
+[[gnu::hot]] bool sender::fill(wire::data_writer& out) {
     filling_ = std::exchange(spare_, record());
     // Where both wait, messages go first in every other datagram: a long reply does not hold up all that is published.
     messages_first_ = !messages_first_;
@@ -70,7 +70,7 @@ bool sender::fill(wire::data_writer& out) {
     return any;
 }
 
-void sender::on_sent(std::uint64_t number, std::size_t bytes, bool wants_ack, time_point now) {
+[[gnu::hot]] void sender::on_sent(std::uint64_t number, std::size_t bytes, bool wants_ack, time_point now) {
     next_number_ = number + 1;
     if (!wants_ack) return; // nobody will miss it
     filling_.number = number;
@@ -84,7 +84,7 @@ void sender::on_sent(std::uint64_t number, std::size_t bytes, bool wants_ack, ti
     if (probes_ > 0) --probes_;
 }
 
-void sender::on_arrived(record& which) {
+[[gnu::hot]] void sender::on_arrived(record& which) {
     for (auto [begin, end] : which.content) {
         arrived_.add(begin, end);
         again_.remove(begin, end);
@@ -119,7 +119,7 @@ std::size_t sender::reaching(std::uint64_t number) const noexcept {
     return first;
 }
 
-bool sender::on_ack(const acknowledgement& what, time_point now) {
+[[gnu::hot]] bool sender::on_ack(const acknowledgement& what, time_point now) {
     if (what.runs.front().second > next_number_) return false;
     bool was_used = network_.in_flight() + 3 * congestion::datagram >= network_.window();
     bool news = false;
@@ -164,7 +164,7 @@ void sender::lose(record& which, bool congested) {
     for (const auto& fragment : which.fragments) messages_.on_lost(fragment);
 }
 
-void sender::find_lost(time_point now) {
+[[gnu::hot]] void sender::find_lost(time_point now) {
     for (std::size_t at = 0; at < records_.size() && records_[at].number < largest_acked_; ++at) {
         auto& one = records_[at];
         if (!one.outstanding) continue;
@@ -172,7 +172,7 @@ void sender::find_lost(time_point now) {
     }
 }
 
-void sender::forget_old() {
+[[gnu::hot]] void sender::forget_old() {
     while (!records_.empty() && !records_.front().outstanding) {
         spare_ = records_.pop_front();
         spare_.ends = false;
@@ -187,7 +187,7 @@ time_point sender::time_out_at() const noexcept {
                           std::max(once, std::min(once * (1 << std::min(silences_, max_silences)), max_time_out)));
 }
 
-time_point sender::due(time_point now) noexcept {
+[[gnu::hot]] time_point sender::due(time_point now) noexcept {
     auto at = time_point::max();
     if (outstanding_ > 0 || starved()) at = std::min(at, time_out_at());
     for (std::size_t place = 0; place < records_.size() && records_[place].number < largest_acked_; ++place) {

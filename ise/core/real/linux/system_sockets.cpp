@@ -165,7 +165,8 @@ transfer receive_datagram(int socket, asio::mutable_buffer into, sockaddr* from,
         if (auto got = outcome_of(::recvfrom(socket, into.data(), into.size(), 0, from, &size))) return *got;
 }
 
-std::error_code send_datagram(int socket, bytes_view content, const sockaddr* to, socklen_t size) noexcept {
+[[gnu::hot]] std::error_code send_datagram(int socket, bytes_view content, const sockaddr* to,
+                                           socklen_t size) noexcept {
     constexpr int flags = MSG_NOSIGNAL | MSG_DONTWAIT;
     for (;;)
         if (auto sent = outcome_of(::sendto(socket, content.data(), content.size(), flags, to, size)))
