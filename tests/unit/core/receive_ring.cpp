@@ -255,6 +255,31 @@ TEST_CASE("receiving: sockets get what was sent while the loop has mostly other 
     at.run(drop(one));
 }
 
+TEST_CASE("receiving: what came while the loop stood still is delivered before the timers that are due") {
+    place at(true);
+    auto& on = at.host->loop();
+    auto one = at.run(line_on(on));
+    one.warm_up();
+    std::promise<bool> had_come;
+    ise::timer due(on, [&] { had_come.set_value(one.all_came()); });
+    ise::time_point when;
+    std::promise<void> armed;
+    asio::post(on.get_executor(), [&] {
+        ise::loop::turn in(on);
+        when = on.now() + 20ms;
+        due.arm(when);
+        armed.set_value();
+    });
+    armed.get_future().wait();
+    {
+        held_loop until(on);
+        one.send(20);
+        while (at.env.now() <= when) std::this_thread::yield();
+    }
+    CHECK(had_come.get_future().get());
+    at.run(drop(one));
+}
+
 TEST_CASE("receiving: a socket that is closed is let go of at once, however long the loop is busy then") {
     place at(true);
     auto one = at.run(line_on(at.host->loop()));

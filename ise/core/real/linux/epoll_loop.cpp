@@ -156,8 +156,9 @@ asio::execution_context& epoll_loop::objects() {
 [[gnu::hot]] void epoll_loop::run() {
     inside here(*this);
     while (!stopped_.load(std::memory_order_relaxed)) {
-        tell(wait());
-        if (ring_) ring_->deliver(*loop_);
+        wait();
+        if (ring_) ring_->deliver(*loop_); // before the timer: a peer that has sent something is not silent
+        tell();
         if (!again_.empty()) tell_again();
         if (has_posted_.load(std::memory_order_relaxed)) take_posted();
         work_off();
@@ -166,27 +167,25 @@ asio::execution_context& epoll_loop::objects() {
 }
 
 // Others post, then look whether it sleeps; it says that it sleeps, then looks whether they posted.
-[[gnu::hot]] int epoll_loop::wait() {
+[[gnu::hot]] void epoll_loop::wait() {
     const bool busy = !queue_.empty() || !again_.empty();
     if (!busy) sleeping_ = true;
     const bool sleeps = !busy && !has_posted_ && !stopped_;
-    int come = 0;
-    if (!ring_ || !ring_->receives()) come = take_events(sleeps ? -1 : 0);
-    else if (ring_->wait(sleeps)) come = take_events(0);
+    if (!ring_ || !ring_->receives()) take_events(sleeps ? -1 : 0);
+    else if (ring_->wait(sleeps)) take_events(0);
     if (!busy) sleeping_ = false;
-    return come;
 }
 
-[[gnu::hot]] int epoll_loop::take_events(int timeout) noexcept {
+[[gnu::hot]] void epoll_loop::take_events(int timeout) noexcept {
     const int come = ::epoll_wait(epoll_.get(), events_.data(), static_cast<int>(events_.size()), timeout);
     if (ring_ && come == static_cast<int>(events_.size())) ring_->epoll_has_more();
-    return std::max(come, 0); // interrupted: none
+    told_ = 0;
+    come_ = std::max(come, 0); // interrupted: none
 }
 
 // A turn for each: what one brings may close another, whose events that are still to come are taken away then.
-[[gnu::hot]] void epoll_loop::tell(int count) {
-    come_ = count;
-    for (told_ = 0; told_ < come_;) {
+[[gnu::hot]] void epoll_loop::tell() {
+    while (told_ < come_) {
         const auto& event = events_[static_cast<std::size_t>(told_++)];
         if (!event.data.ptr) continue;
         if (event.data.ptr == &timer_) {
@@ -196,7 +195,7 @@ asio::execution_context& epoll_loop::objects() {
         loop::turn in(*loop_);
         static_cast<descriptor*>(event.data.ptr)->on_events(meaning_of(event.events));
     }
-    come_ = 0;
+    told_ = come_ = 0;
 }
 
 void epoll_loop::tell_again() {

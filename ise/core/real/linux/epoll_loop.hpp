@@ -60,9 +60,9 @@ private:
     };
 
     void run();
-    int wait();
-    int take_events(int timeout) noexcept;
-    void tell(int count);
+    void wait();
+    void take_events(int timeout) noexcept;
+    void tell();
     void tell_again();
     void take_posted();
     void work_off();
