@@ -14,7 +14,7 @@ class datagram_stream : public stream, public packet_lane {
 public:
     class user {
     public:
-        /// Something came that is more than an acknowledgement: the peer is there.
+        /// Something came, be it only an ack: the peer is there.
         virtual void on_heard() = 0;
         /// A message came: header and body of a frame. Called inside a turn of the loop.
         virtual void on_message(bytes_view message) = 0;

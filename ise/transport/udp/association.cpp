@@ -130,6 +130,7 @@ void association::seal_it(buffer& datagram) {
 }
 
 [[gnu::hot]] void association::on_datagram(const endpoint& from, bytes_view datagram) {
+    if (!is_read()) return;
     const bool sealed = type_of(datagram) == wire::sealed::data;
     const auto received = datagram.subspan(wire::frame_header::size);
     if (!seal_ || plain_) {
@@ -158,12 +159,15 @@ void association::seal_it(buffer& datagram) {
     if (happened.closed && seal_ && !plain_) return on_gone();
     follow(from, happened);
     if (auto receiver = user_.lock()) {
-        if (happened.spoke) receiver->on_heard(); // a peer that reads nothing any more still acknowledges
+        receiver->on_heard();
         for (const auto& message : happened.messages)
             if (!left_) receiver->on_message(message);
         if (!left_) hand_over();
     }
-    if (channel_.in().readable() || channel_.in().ended()) readable_.resume();
+    if (channel_.in().readable() || channel_.in().ended()) {
+        woken_at_ = on_.now();
+        readable_.resume();
+    }
     if (gone_) return;
     if (left_ || channel_.wanting(on_.now())) soon();
     else rearm();

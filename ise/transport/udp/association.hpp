@@ -111,6 +111,8 @@ private:
     /// What is written may go.
     bool may_send() const noexcept { return !seal_ || plain_ || seal_->sealed(); }
     void on_gone();
+    /// Of the side that opened it: where nobody reads, nothing is taken and acknowledged, so that the peer finds it silent.
+    bool is_read() const noexcept { return !calls_ || reader_ || readable_.waiting() || woken_at_ == on_.now(); }
     void take(const endpoint& from, bytes_view body);
     void seal_it(buffer& datagram);
     void send_flight();
@@ -145,6 +147,7 @@ private:
     stream_reader* reader_ = nullptr;           // what comes is handed over; null: it is read
     timer timer_;
     waiter<> readable_;
+    time_point woken_at_{}; // the turn in which `readable_` was resumed last
     waiter<> writable_;
     std::optional<time_point> drain_until_;
     bool room_asked_ = false;

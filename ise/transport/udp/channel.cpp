@@ -49,7 +49,6 @@ bool channel::fresh(bytes_view body) const noexcept {
         ++ignored_;
         return false;
     }
-    happened.spoke = wants_ack;
     receiver_.note(detail::load_little<std::uint64_t>(body.data()), wants_ack, now);
     return true;
 }

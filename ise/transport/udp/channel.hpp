@@ -14,7 +14,6 @@ public:
         std::optional<std::uint64_t> challenge; ///< to be sent back to where it came from
         std::optional<std::uint64_t> response;  ///< to a challenge of ours
         bool closed = false;                    ///< the peer has left
-        bool spoke = false;                     ///< it sent more than acknowledgements
     };
 
     /// `peer_id`: how the peer wants to be addressed. `seal_bytes`: room for a seal before the chunks of a datagram.
