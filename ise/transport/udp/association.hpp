@@ -111,7 +111,8 @@ private:
     /// What is written may go.
     bool may_send() const noexcept { return !seal_ || plain_ || seal_->sealed(); }
     void on_gone();
-    /// Of the side that opened it: where nobody reads, nothing is taken and acknowledged, so that the peer finds it silent.
+    /// Of the side that opened it: where nobody reads, nothing is taken and acknowledged, so that the peer finds it
+    /// silent.
     bool is_read() const noexcept { return !calls_ || reader_ || readable_.waiting() || woken_at_ == on_.now(); }
     void take(const endpoint& from, bytes_view body);
     void seal_it(buffer& datagram);
