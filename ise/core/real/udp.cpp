@@ -112,7 +112,7 @@ private:
     }
 
     transfer read() {
-        if (room_.empty()) room_.resize(std::min(max_bytes_ + 1, max_datagram)); // longer ones are seen to be so
+        if (room_.empty()) room_.resize(std::min(max_bytes_ + 1, max_datagram)); // one more shows that it is longer
         auto size = static_cast<socklen_t>(sender_.capacity());
         const auto got = receive_datagram(fd(), asio::buffer(room_), sender_.data(), size);
         if (got.problem == asio::error::would_block) found_nothing();

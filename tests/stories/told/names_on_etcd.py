@@ -33,7 +33,7 @@ def tell(world: World):
     cluster.process(leader).restart()
     world.expect(servers.all_list(first), "names were lost, or granted anew, when the leader of etcd was killed")
 
-    # The next one stands still, where etcd bears it for longer than its leases.
+    # The next one stands still: for longer than a lease, unless this etcd then ends leases that are held.
     pause = 5 if cluster.revokes_wrongly() else 30
     leader = world.until(cluster.leader, 10)
     cluster.process(leader).stop()

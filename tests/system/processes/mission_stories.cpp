@@ -68,7 +68,7 @@ std::vector<process> started_with(const std::string& variable) {
         auto name = entry.path().filename().string();
         if (name.find_first_not_of("0123456789") != std::string::npos) continue;
         std::ifstream in(entry.path() / "environ", std::ios::binary);
-        std::ostringstream all; // which bears that the process ends meanwhile
+        std::ostringstream all; // does not throw where the process ends meanwhile
         all << in.rdbuf();
         if (all.str().find(variable + '\0') != std::string::npos) found.emplace_back(std::stol(name));
     }

@@ -47,13 +47,7 @@ task<> drop(std::unique_ptr<ise::datagram_socket>& what) {
 struct pigeonry {
     explicit pigeonry(bool own) : at(own), to(at.run(opened(at))), from(at.run(opened(at))) {
         reader.socket = to.get();
-        std::promise<void> done;
-        asio::post(at.host->loop().get_executor(), [&] {
-            ise::loop::turn in(at.host->loop());
-            to->deliver_to(reader, max_bytes);
-            done.set_value();
-        });
-        done.get_future().wait();
+        at.in_turn([&] { to->deliver_to(reader, max_bytes); });
     }
     ~pigeonry() {
         at.run(drop(to));

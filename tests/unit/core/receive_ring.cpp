@@ -1,5 +1,5 @@
-// Sockets for which a loop of ISE's own receives by io_uring. Where the system does not offer it, all but the first
-// test holds by epoll.
+// Sockets for which a loop of ISE's own receives by io_uring. Where the system does not offer it, those tests that ask
+// for a ring are skipped, and the others hold by epoll.
 #include "sockets.hpp"
 
 #include <ise/core/real/socket_stream.hpp>
@@ -169,16 +169,7 @@ TEST_CASE("receiving: a socket that brings datagrams one at a time is received f
     const auto before = rings_here();
     place at(true);
     std::unique_ptr<ise::datagram_socket> socket;
-    auto on_loop = [&](auto what) {
-        std::promise<void> done;
-        asio::post(at.host->loop().get_executor(), [&] {
-            ise::loop::turn in(at.host->loop());
-            what();
-            done.set_value();
-        });
-        done.get_future().wait();
-    };
-    on_loop([&] {
+    at.in_turn([&] {
         socket = at.env.open_datagram(at.host->loop(), ise::endpoint::parse("udp://127.0.0.1:0").value()).value();
         socket->deliver_to(reader, 1200);
     });
@@ -187,7 +178,7 @@ TEST_CASE("receiving: a socket that brings datagrams one at a time is received f
         REQUIRE_FALSE(socket->try_send(socket->where(), ise::as_bytes("to itself")));
         while (reader.come < sent) std::this_thread::yield();
     }
-    on_loop([&] { socket.reset(); });
+    at.in_turn([&] { socket.reset(); });
 }
 
 TEST_CASE("receiving: a program under Valgrind has no ring, with which its threads would wait for each other") {
@@ -263,14 +254,10 @@ TEST_CASE("receiving: what came while the loop stood still is delivered before t
     std::promise<bool> had_come;
     ise::timer due(on, [&] { had_come.set_value(one.all_came()); });
     ise::time_point when;
-    std::promise<void> armed;
-    asio::post(on.get_executor(), [&] {
-        ise::loop::turn in(on);
+    at.in_turn([&] {
         when = on.now() + 20ms;
         due.arm(when);
-        armed.set_value();
     });
-    armed.get_future().wait();
     {
         held_loop until(on);
         one.send(20);
@@ -308,13 +295,7 @@ TEST_CASE("receiving: a reader that closes at some byte gets nothing more, also 
         auto one = at.run(line_on(at.host->loop()));
         one.warm_up();
         counting_reader leaving(*one.near, most);
-        std::promise<void> changed;
-        asio::post(at.host->loop().get_executor(), [&] {
-            ise::loop::turn in(at.host->loop());
-            one.near->deliver_to(leaving);
-            changed.set_value();
-        });
-        changed.get_future().wait();
+        at.in_turn([&] { one.near->deliver_to(leaving); });
         {
             held_loop until(at.host->loop());
             one.send(60'000);

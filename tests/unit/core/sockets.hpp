@@ -52,6 +52,17 @@ struct place {
         io.stop();
         thread.join();
     }
+    // Runs it in a turn of the loop, and returns then.
+    template <class Work>
+    void in_turn(Work what) {
+        std::promise<void> done;
+        asio::post(host->loop().get_executor(), [&] {
+            ise::loop::turn in(host->loop());
+            what();
+            done.set_value();
+        });
+        done.get_future().wait();
+    }
     template <class T>
     T run(task<T> what) {
         return ise::async_run(host->loop().get_executor(), std::move(what), asio::use_future).get();
