@@ -88,17 +88,24 @@ block make_block(std::size_t capacity) {
 
 } // namespace
 
-void buffer::free() noexcept { release({data_, capacity_}); }
+void buffer::free() noexcept {
+    if (!large_ || !large_->give_back(data_)) release({data_, capacity_});
+}
 
 void buffer::enlarge(std::size_t more) {
     if (more > SIZE_MAX / 2 - size_) throw std::bad_alloc();
     const std::size_t capacity = std::max({size_ + more, capacity_ * 2, std::size_t{32}});
     block larger;
-    if (capacity < spare_blocks::min_bytes || spare_blocks::ended) {
+    const bool small = capacity < spare_blocks::min_bytes || spare_blocks::ended;
+    if (small && !large_) {
         larger = {static_cast<std::byte*>(std::realloc(data_, capacity)), capacity};
         if (!larger.at) throw std::bad_alloc();
     } else {
-        larger = spare.take(capacity);
+        if (large_ && capacity >= large_memory_source::min_bytes) {
+            const auto taken = large_->take(capacity);
+            larger = {taken.data(), taken.size()};
+        }
+        if (!larger.at && !small) larger = spare.take(capacity);
         if (!larger.at) larger = make_block(capacity);
         if (size_ > 0) std::memcpy(larger.at, data_, size_);
         if (data_) free();

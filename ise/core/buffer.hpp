@@ -4,10 +4,25 @@
 
 #include <cstdint>
 #include <cstring>
+#include <span>
 #include <type_traits>
 #include <utility>
 
 namespace ise {
+
+/// Where a buffer takes large memory from, in place of the heap. Used on one loop; outlives its buffers.
+class large_memory_source {
+public:
+    /// Smaller memory comes from the heap.
+    static constexpr std::size_t min_bytes = 16 * 1024;
+    /// At least so many bytes. Empty: none is left, and the buffer uses the heap.
+    virtual std::span<std::byte> take(std::size_t least) noexcept = 0;
+    /// Returns memory. False: it is not from this source.
+    virtual bool give_back(const std::byte* at) noexcept = 0;
+
+protected:
+    ~large_memory_source() = default;
+};
 
 /// Growing output bytes. New room is not zeroed (that costs more than the copy that follows), and `clear()` keeps
 /// the capacity, so that one buffer serves any number of packets without allocating.
@@ -15,14 +30,16 @@ namespace ise {
 class buffer {
 public:
     buffer() = default;
-    explicit buffer(std::size_t capacity) { reserve(capacity); }
+    /// `large`: the source of its large memory; null: the heap.
+    explicit buffer(std::size_t capacity, large_memory_source* large = nullptr) : large_(large) { reserve(capacity); }
     buffer(buffer&& other) noexcept
         : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)),
-          capacity_(std::exchange(other.capacity_, 0)) {}
+          capacity_(std::exchange(other.capacity_, 0)), large_(other.large_) {}
     buffer& operator=(buffer&& other) noexcept {
         std::swap(data_, other.data_);
         std::swap(size_, other.size_);
         std::swap(capacity_, other.capacity_);
+        std::swap(large_, other.large_);
         return *this;
     }
     ~buffer() {
@@ -34,6 +51,7 @@ public:
     std::size_t size() const noexcept { return size_; }
     std::size_t capacity() const noexcept { return capacity_; }
     bool empty() const noexcept { return size_ == 0; }
+    large_memory_source* large_memory() const noexcept { return large_; }
     bytes_view view() const noexcept { return {data_, size_}; }
     bytes to_bytes() const { return {data_, data_ + size_}; }
 
@@ -87,6 +105,7 @@ private:
     std::byte* data_ = nullptr;
     std::size_t size_ = 0;
     std::size_t capacity_ = 0;
+    large_memory_source* large_ = nullptr;
 };
 
 } // namespace ise

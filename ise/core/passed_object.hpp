@@ -1,4 +1,6 @@
 #pragma once
+#include <ise/core/bytes.hpp>
+
 #include <cstddef>
 #include <memory>
 #include <new>
@@ -14,14 +16,16 @@ struct object_type {
     void (*relocate)(void* from, void* to) noexcept; ///< moves it, and destroys what is left at `from`
     void (*destroy)(void* at) noexcept;
     void (*write)(const void* at, buffer& out); ///< appends the bytes that stand for it; throws what encoding throws
+    bytes_view (*encoded)(const void* at) noexcept = nullptr; ///< of an encoded packet: its bytes; else null
 
     template <class T>
-    static constexpr object_type of(void (*write)(const void* at, buffer& out)) {
+    static constexpr object_type of(void (*write)(const void* at, buffer& out),
+                                    bytes_view (*encoded)(const void* at) noexcept = nullptr) {
         return {[](void* from, void* to) noexcept {
                     ::new (to) T(std::move(*static_cast<T*>(from)));
                     static_cast<T*>(from)->~T();
                 },
-                [](void* at) noexcept { static_cast<T*>(at)->~T(); }, write};
+                [](void* at) noexcept { static_cast<T*>(at)->~T(); }, write, encoded};
     }
 };
 
@@ -56,6 +60,10 @@ public:
     void* at() noexcept { return storage_; }
     /// Appends the bytes that stand for it; only where there is one. Throws what encoding throws.
     void write(buffer& out) const { type_->write(storage_, out); }
+    /// Whether it is an encoded packet, on loan from another process; only where there is one.
+    bool is_encoded() const noexcept { return type_->encoded != nullptr; }
+    /// Its bytes. Their owner may change them at any time: a reader must read each byte once.
+    bytes_view encoded() const noexcept { return type_->encoded(storage_); }
 
 private:
     void reset() noexcept {

@@ -33,6 +33,8 @@ connection::connection(loop& on, std::unique_ptr<stream> transport, session_term
     if (datagrams_) outbox_.use(*datagrams_);
     if (terms_.features & wire::feature::objects) objects_ = dynamic_cast<object_stream*>(transport_.get());
     if (objects_) terms_.clock.is_ours();
+    if (terms_.features & wire::feature::loans) loans_ = dynamic_cast<loans*>(transport_.get());
+    if (loans_) outbox_.use(*loans_);
     outbox_.limit_messages(terms_.peer_accepts.max_message_bytes);
     parser_.release(); // a greeting is larger than what follows on an idle connection
     signs_ = std::make_shared<heartbeat_sender>(
@@ -242,9 +244,28 @@ result<void> connection::take_attached(carried_frame received, user* receiver) {
     return take(received, receiver);
 }
 
+// The body ends with a reference to it.
+result<void> connection::take_loan(carried_frame received, user* receiver) {
+    if (received.header.type != frame_type::packet || received.body.size() < loan_reference::bytes)
+        return failure(errc::protocol_error, "a frame has the flag of a loaned packet, and no reference to one");
+    const auto head = received.body.size() - loan_reference::bytes;
+    auto borrowed = loans_->borrow(loan_reference::read(received.body.data() + head));
+    if (!borrowed) return borrowed.error();
+    const auto most = terms_.we_accept.max_message_bytes;
+    if (borrowed->weight() > most)
+        return failure(errc::too_large, fmt::format("a packet of {} bytes came, {} are allowed (max_message_bytes)",
+                                                    borrowed->weight(), most));
+    counts_.bytes_in += borrowed->weight();
+    received.body = received.body.first(head);
+    received.object = &*borrowed;
+    return take(received, receiver);
+}
+
 [[gnu::hot]] result<void> connection::take(const carried_frame& received, user* receiver) {
-    if (attachments_ && (received.header.flags & wire::flag::attached) && !received.object)
-        return take_attached(received, receiver);
+    if ((received.header.flags & wire::flag::attached) && !received.object) [[unlikely]] {
+        if (attachments_) return take_attached(received, receiver);
+        if (loans_) return take_loan(received, receiver);
+    }
     ++counts_.frames_in;
     switch (received.header.type) {
         case frame_type::ping:
@@ -370,7 +391,7 @@ result<void> connection::take_own(const carried_frame& received, user* receiver)
         }
         if (wrote.problem) return end_for_write(wrote.problem);
         sent += wrote.bytes;
-        counts_.bytes_out += wrote.bytes;
+        counts_.bytes_out += wrote.bytes + outbox_.take_loaned_bytes();
         if (!objects_) batch_->advance(wrote.bytes);
         alive_.sent(on_.now());
         if (objects_ || batch_->done()) {

@@ -8,6 +8,7 @@
 #include <ise/net/heartbeats.hpp>
 #include <ise/net/outbox.hpp>
 #include <ise/transport/datagram_stream.hpp>
+#include <ise/transport/loans.hpp>
 #include <ise/wire/messages.hpp>
 #include <ise/wire/parser.hpp>
 #include <ise/wire/pieces.hpp>
@@ -59,7 +60,8 @@ struct session_terms {
 /// loop; shared by its scope, its coroutines and its user.
 /// Bytes come to the parser in one way: the transport, or the reader, puts them into `room()`. Over datagrams, packets
 /// of subscriptions are messages of their own beside the stream (`lossy()`). Within a process the parser takes over
-/// whole buffers, and packets need no bytes: objects travel beside their frames (`passes_objects()`).
+/// whole buffers, and packets need no bytes: objects travel beside their frames (`passes_objects()`). Over
+/// shared memory large packets stay where they are, and their frames refer to them (`loan_memory()`).
 class connection final : public std::enable_shared_from_this<connection>,
                          public flushable,
                          public task_scope::member,
@@ -127,6 +129,8 @@ public:
     bool lossy() const noexcept { return datagrams_ != nullptr; }
     /// Whether both sides are in one process and agreed to hand packets over as they are.
     bool passes_objects() const noexcept { return objects_ != nullptr; }
+    /// Memory for large packets that are published over it and not copied; null: there is none.
+    large_memory_source* loan_memory() const noexcept { return loans_ ? loans_->memory() : nullptr; }
     /// Only where `!open()`.
     const failure& cause() const noexcept { return *cause_; }
 
@@ -191,6 +195,7 @@ private:
     result<void> take_assembled(result<std::optional<wire::assembled>> whole, user* receiver);
     result<void> take(const carried_frame& received, user* receiver);
     result<void> take_attached(carried_frame received, user* receiver);
+    result<void> take_loan(carried_frame received, user* receiver);
     result<void> take_own(const carried_frame& received, user* receiver);
     static failure too_many_answers();
     void look_at_unfinished();
@@ -210,6 +215,7 @@ private:
     std::unique_ptr<stream> transport_;
     datagram_stream* datagrams_ = nullptr;       // the same, where it is one
     object_stream* objects_ = nullptr;           // the same, where it is one and objects were agreed on
+    loans* loans_ = nullptr;                     // the same, where it is one and loans were agreed on
     ring<passed_object>* attachments_ = nullptr; // of the frames that are being taken
     session_terms terms_;
     std::shared_ptr<heartbeat_sender> signs_;

@@ -92,7 +92,9 @@ public:
     }
 
     std::uint64_t fitting(std::uint64_t features) const {
-        return dynamic_cast<object_stream*>(transport_.get()) ? features | wire::feature::objects : features;
+        if (dynamic_cast<object_stream*>(transport_.get())) features |= wire::feature::objects;
+        if (dynamic_cast<loans*>(transport_.get())) features |= wire::feature::loans;
+        return features;
     }
 
     /// What the transport knows of the peer, and what the handshake has shown; once it has greeted.

@@ -178,6 +178,7 @@ void outbox::put_packet(publication_source& from, frame_header header, bytes_vie
         return;
     }
     assert(filling_);
+    if (loans_ && payload.size() >= large_memory_source::min_bytes && put_loan(header, head, payload)) return;
     if (size > whole_bytes) {
         big_message message;
         message.header = header;
@@ -201,6 +202,20 @@ void outbox::put_packet(publication_source& from, frame_header header, bytes_vie
     wire::store_header(at, header);
     at = std::copy(head.begin(), head.end(), at + frame_header::size);
     if (payload.size() > 0) std::memcpy(at, payload.view().data(), payload.size());
+}
+
+// False: it cannot be loaned.
+bool outbox::put_loan(frame_header header, bytes_view head, const shared_bytes& payload) {
+    const auto loaned = loans_->loan(payload);
+    if (!loaned) return false;
+    header.flags |= wire::flag::attached;
+    header.length = static_cast<std::uint32_t>(head.size() + loan_reference::bytes);
+    auto& staging = filling_->staging();
+    wire::put_header(staging, header);
+    staging.append(head);
+    loaned->put(staging);
+    loaned_bytes_ += payload.size();
+    return true;
 }
 
 void outbox::put_object(frame_header header, bytes_view head, passed_object packet) {

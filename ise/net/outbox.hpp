@@ -5,6 +5,7 @@
 #include <ise/core/ring.hpp>
 #include <ise/net/carried_frame.hpp>
 #include <ise/packet/shared_bytes.hpp>
+#include <ise/transport/loans.hpp>
 #include <ise/transport/packet_lane.hpp>
 #include <ise/wire/frame.hpp>
 
@@ -16,6 +17,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace ise::net {
@@ -168,6 +170,10 @@ public:
     /// From now on packets go into `lane`, which lives as long as this, by `feed_lane` instead of `fill`.
     void use(packet_lane& lane) noexcept { lane_ = &lane; }
     void feed_lane();
+    /// From now on large packets that lie in the memory of `with`, which lives as long as this, are loaned.
+    void use(loans& with) noexcept { loans_ = &with; }
+    /// Bytes that were loaned since this was asked last.
+    std::uint64_t take_loaned_bytes() noexcept { return std::exchange(loaned_bytes_, 0); }
 
     /// Moves what goes into one write to the batch; false if nothing waits.
     bool fill(batch& out);
@@ -260,6 +266,7 @@ private:
     bool any_call(Visit visit);
     void drop_if_withdrawn(std::size_t which);
     void fill_calls(batch& out);
+    bool put_loan(wire::frame_header header, bytes_view head, const shared_bytes& payload);
     bool fit_to_share() const noexcept { return withdrawn_ == 0 && attachments_.empty(); }
     void put_each(std::byte* frames, std::size_t size, batch& out);
     void fill_pieces(big_messages& from, batch& out);
@@ -281,6 +288,8 @@ private:
     std::size_t usual_batch_ = batch_bytes;
     batch* filling_ = nullptr; // during fill_publications
     packet_lane* lane_ = nullptr;
+    loans* loans_ = nullptr;
+    std::uint64_t loaned_bytes_ = 0;
     std::uint64_t max_message_bytes_ = std::numeric_limits<std::uint64_t>::max();
     std::uint64_t next_piece_id_ = 1;
 };

@@ -39,7 +39,7 @@ shared_bytes shared_bytes_maker::share() {
     const auto size = room_.size();
     if (size > small_bytes) {
         last_big_ = size;
-        return shared_bytes(std::exchange(room_, buffer()));
+        return shared_bytes(std::exchange(room_, buffer(0, large_)));
     }
     last_big_ = 0;
     auto made = make(size);
@@ -49,7 +49,7 @@ shared_bytes shared_bytes_maker::share() {
 
 shared_bytes shared_bytes_maker::make(std::size_t size) {
     if (size > small_bytes) {
-        buffer own(size);
+        buffer own(size, large_);
         own.grow(size);
         return shared_bytes(std::move(own));
     }

@@ -38,6 +38,8 @@ public:
     /// Of one that was moved from: unspecified.
     std::size_t size() const noexcept { return size_; }
     bytes_view view() const noexcept { return {data_, size_}; }
+    /// The source of its large memory; null: the heap.
+    large_memory_source* large_memory() const noexcept { return block_ ? block_->content.large_memory() : nullptr; }
     /// What lies behind the first `count` bytes.
     shared_bytes behind(std::size_t count) const noexcept {
         shared_bytes rest = *this;
@@ -84,12 +86,17 @@ private:
 /// and become larger only where what was made waits. A big content keeps the buffer that it was encoded into.
 class shared_bytes_maker {
 public:
+    /// From now on large contents are made in memory of `large`, as long as it has some.
+    void use(large_memory_source* large) noexcept { large_ = large; }
+
     /// What is not longer than this lies in a chunk.
     static constexpr std::size_t small_bytes = 4 * 1024;
 
     /// An empty buffer to encode into; valid until `share()`.
     buffer& room() {
         room_.clear();
+        if (room_.large_memory() != large_) [[unlikely]]
+            room_ = buffer(0, large_);
         if (last_big_ > room_.capacity()) room_.reserve(last_big_); // the next is likely as big
         return room_;
     }
@@ -117,6 +124,7 @@ private:
     }
 
     buffer room_;
+    large_memory_source* large_ = nullptr;
     shared_bytes chunk_;      // holds the chunk itself
     ring<shared_bytes> used_; // those before it, oldest first
     std::size_t chunk_bytes_ = 512;

@@ -142,7 +142,8 @@ public:
         while (!queue_.empty()) {
             auto waiting = queue_.front();
             try {
-                auto packet = counted<dynamic_packet>::make(read(types_->schemas[role::published], waiting.bytes()));
+                auto packet =
+                    counted<dynamic_packet>::make(read(types_->schemas[role::published], waiting.bytes_to_decode()));
                 return received<dynamic_packet>(std::move(packet), take_packet());
             } catch (const error& unreadable) {
                 drop_undecodable(unreadable);

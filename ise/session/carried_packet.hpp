@@ -88,7 +88,7 @@ public:
                 return;
             }
         }
-        decode_into(packet, bytes());
+        decode_into(packet, bytes_to_decode());
     }
     /// The shared packet, where it came as an object of this very type.
     template <class T>
@@ -98,6 +98,8 @@ public:
     /// Its bytes in the receiver's layout; valid as long as this. Throws errc::malformed and the like where there are
     /// none.
     bytes_view bytes() { return object_ || adapt ? made_bytes() : raw_; }
+    /// The same for a decoder, which reads each byte once: a packet on loan is not copied before.
+    bytes_view bytes_to_decode() { return !adapt && object_ && object_->is_encoded() ? object_->encoded() : bytes(); }
     /// What it counts for where bytes are bounded.
     std::size_t size() const noexcept { return object_ ? object_->weight() : raw_.size(); }
     /// The object, if it is one.

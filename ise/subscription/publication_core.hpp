@@ -96,6 +96,7 @@ public:
     // For its subscribers.
     shared_bytes frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at,
                           const trace_id& trace) override;
+    void use(large_memory_source& memory) noexcept override { maker_.use(&memory); }
     void room_made() override;
     void began_to_linger(remote_subscriber& who) override;
     void stopped_lingering(remote_subscriber& who) noexcept override { std::erase(lingering_, &who); }

@@ -115,6 +115,7 @@ void remote_subscriber::attach(subscriber_line& over, std::uint64_t id) {
     line_->held_bytes() += held();
     stay_within_bytes();
     id_ = group_.usual_id = id;
+    if (auto* memory = over.wire().loan_memory()) group_.use(*memory);
     queue_.readdress();
     sent_ = 0;
     info_.peer = over.over().peer_name();

@@ -143,7 +143,7 @@ public:
                 if constexpr (travels_as_object<packet_type>) {
                     auto waiting = queue_.front();
                     shared_ = waiting.template shared<packet_type>();
-                    if (!shared_) decode_into(*unheld(), waiting.bytes());
+                    if (!shared_) decode_into(*unheld(), waiting.bytes_to_decode());
                 } else {
                     decode_into(*unheld(), queue_.front_bytes());
                 }

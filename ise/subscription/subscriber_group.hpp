@@ -79,6 +79,8 @@ public:
     /// The object as a frame, for a subscriber that does not take objects any more. Throws what encoding throws.
     virtual shared_bytes frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at,
                                   const trace_id& trace) = 0;
+    /// Large packets are made in `memory` from now on: a subscriber can read them there.
+    virtual void use(large_memory_source& memory) noexcept = 0;
     /// A publisher that waits for room may go on.
     virtual void room_made() = 0;
     /// Its session is gone, and it is kept for a while; until it is attached again, or vanishes.

@@ -58,7 +58,8 @@ inline constexpr std::uint8_t last = 1;      ///< piece: the message is complete
 inline constexpr std::uint8_t abandoned = 2; ///< piece: the sender gave the message up
 inline constexpr std::uint8_t stalled = 1;   ///< pong: the component is busy; its node answers for it
 inline constexpr std::uint8_t objects = 1;   ///< subscribe: packets may come beside (`feature::objects`)
-/// Request, reply, packet: the packet comes beside the stream (`feature::objects`).
+/// Request, reply, packet: the packet comes beside the stream (`feature::objects`); packet: the body ends with a
+/// reference to shared memory that holds it (`feature::loans`).
 inline constexpr std::uint8_t attached = 128;
 } // namespace flag
 

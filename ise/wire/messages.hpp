@@ -24,6 +24,7 @@ inline constexpr std::uint64_t clock = 16;
 inline constexpr std::uint64_t stamps = 32;                       ///< packets carry the time of their publication
 inline constexpr std::uint64_t traces = 64;                       ///< traces have 128 bits
 inline constexpr std::uint64_t packet_traces = 128;               ///< published packets carry traces
+inline constexpr std::uint64_t loans = 256;                       ///< between two processes: packets in shared memory
 inline constexpr std::uint64_t first = pieces | schemas | resume; ///< those of every peer
 /// Over every transport.
 inline constexpr std::uint64_t all = first | clock | stamps | traces | packet_traces;

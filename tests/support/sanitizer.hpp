@@ -11,3 +11,15 @@
 #ifndef TESTS_MEMORY_IS_SANITIZED
     #define TESTS_MEMORY_IS_SANITIZED 0
 #endif
+
+/// 1 where threads are watched for races.
+#if defined(__SANITIZE_THREAD__)
+    #define TESTS_THREADS_ARE_SANITIZED 1
+#elif defined(__has_feature)
+    #if __has_feature(thread_sanitizer)
+        #define TESTS_THREADS_ARE_SANITIZED 1
+    #endif
+#endif
+#ifndef TESTS_THREADS_ARE_SANITIZED
+    #define TESTS_THREADS_ARE_SANITIZED 0
+#endif

@@ -17,6 +17,8 @@
 /// consistent, so that one of the two sees the other.
 namespace ise::net::shm {
 
+inline constexpr std::size_t returned_words = 2;
+
 /// What the two sides of a ring tell each other; zero at the start. `Word`: an atomic 32-bit number without locks.
 template <class Word>
 struct basic_ring_state {
@@ -26,6 +28,8 @@ struct basic_ring_state {
     Word writer_sleeps;     ///< 1: ring the writer once there is room; cleared by whoever rings
     alignas(128) Word tail; ///< written by the reader: bytes read, modulo 2^32
     Word reader_sleeps;     ///< 1: ring the reader once there are bytes; cleared by whoever rings
+    /// Blocks of the writer (`loans`) that the reader has given back, a bit for each slot; cleared by the writer.
+    Word returned[returned_words];
 };
 
 /// `size`: a power of two. Used by one thread at a time.

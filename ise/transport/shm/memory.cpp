@@ -25,7 +25,6 @@ namespace {
 
 constexpr std::size_t state_bytes = 4096;
 static_assert(2 * sizeof(ring_state) <= state_bytes);
-constexpr int demanded_seals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL;
 
 failure system_refused(std::string_view what) {
     return io_failure(fmt::format("no shared memory: {} failed", what), real::last_system_error());
@@ -40,13 +39,6 @@ std::optional<bool> is_bell(const owned_fd& what) {
     return std::string_view(name.data(), static_cast<std::size_t>(size)) == "anon_inode:[eventfd]";
 }
 
-// Numbers are given from the lowest: a quarter of what this process may open is in use. The rest is for sessions that
-// need one, as over a socket.
-bool is_late(const owned_fd& newest) {
-    rlimit now{};
-    if (::getrlimit(RLIMIT_NOFILE, &now) != 0 || now.rlim_cur == RLIM_INFINITY) return false;
-    return static_cast<rlim_t>(newest.get()) >= now.rlim_cur / 4;
-}
 failure too_late() { return {errc::io_failed, "no shared memory: too few file descriptors are left (ulimit -n)"}; }
 
 bool same_namespace(pid_t other, const char* kind) {
@@ -57,12 +49,40 @@ bool same_namespace(pid_t other, const char* kind) {
            here.st_dev == there.st_dev;
 }
 
+// Memory that shrinks would end this process when it is read; on a disk, or in huge pages, it may do so as it is.
+result<std::byte*> map(const owned_fd& memory, std::size_t bytes, int access) {
+    struct stat about {};
+    struct statfs where {};
+    const int seals = ::fcntl(memory.get(), F_GET_SEALS);
+    if (seals < 0 || (seals & demanded_seals) != demanded_seals)
+        return failure(errc::protocol_error, "it offered memory that it could shrink");
+    if (::fstatfs(memory.get(), &where) != 0 || ::fstat(memory.get(), &about) != 0) return system_refused("fstat");
+    if (where.f_type != TMPFS_MAGIC) return failure(errc::protocol_error, "it offered memory of another kind");
+    if (about.st_size != static_cast<off_t>(bytes))
+        return failure(errc::protocol_error,
+                       fmt::format("it offered {} bytes of memory in place of {}", about.st_size, bytes));
+    auto* at = ::mmap(nullptr, bytes, access, MAP_SHARED, memory.get(), 0); // NOLINT
+    if (at == MAP_FAILED) return system_refused("mmap");
+    return static_cast<std::byte*>(at);
+}
+
 } // namespace
 
-std::uint32_t ring_bytes_here() noexcept {
+std::uint64_t machine_bytes() noexcept {
     const auto pages = ::sysconf(_SC_PHYS_PAGES), page = ::sysconf(_SC_PAGESIZE);
-    if (pages <= 0 || page <= 0) return min_ring_bytes;
-    const auto share = static_cast<std::uint64_t>(pages) * static_cast<std::uint64_t>(page) / 65'536;
+    return pages <= 0 || page <= 0 ? 0 : static_cast<std::uint64_t>(pages) * static_cast<std::uint64_t>(page);
+}
+
+// Numbers are given from the lowest: a quarter of what this process may open is in use. The rest is for sessions that
+// need one, as over a socket.
+bool is_late(const owned_fd& newest) {
+    rlimit now{};
+    if (::getrlimit(RLIMIT_NOFILE, &now) != 0 || now.rlim_cur == RLIM_INFINITY) return false;
+    return static_cast<rlim_t>(newest.get()) >= now.rlim_cur / 4;
+}
+
+std::uint32_t ring_bytes_here() noexcept {
+    const auto share = machine_bytes() / 65'536;
     return std::bit_floor(static_cast<std::uint32_t>(std::clamp<std::uint64_t>(share, min_ring_bytes, max_ring_bytes)));
 }
 
@@ -87,24 +107,21 @@ mapping::~mapping() {
     if (begin_) ::munmap(begin_, size_for(ring_bytes_));
 }
 
-// Memory that shrinks would end this process when it is read; on a disk, or in huge pages, it may do so as it is.
 result<mapping> mapping::of(const owned_fd& memory, std::uint32_t ring_bytes) {
-    struct stat about {};
-    struct statfs where {};
-    const int seals = ::fcntl(memory.get(), F_GET_SEALS);
-    if (seals < 0 || (seals & demanded_seals) != demanded_seals)
-        return failure(errc::protocol_error, "it offered memory that it could shrink");
-    if (::fstatfs(memory.get(), &where) != 0 || ::fstat(memory.get(), &about) != 0) return system_refused("fstat");
-    if (where.f_type != TMPFS_MAGIC) return failure(errc::protocol_error, "it offered memory of another kind");
-    if (!is_ring_size(ring_bytes) || about.st_size != static_cast<off_t>(size_for(ring_bytes)))
-        return failure(errc::protocol_error,
-                       fmt::format("it offered {} bytes of memory for rings of {}", about.st_size, ring_bytes));
-    auto* at = ::mmap(nullptr, size_for(ring_bytes), PROT_READ | PROT_WRITE, MAP_SHARED, memory.get(), 0); // NOLINT
-    if (at == MAP_FAILED) return system_refused("mmap");
+    if (!is_ring_size(ring_bytes))
+        return failure(errc::protocol_error, fmt::format("it offered rings of {} bytes", ring_bytes));
+    auto at = map(memory, size_for(ring_bytes), PROT_READ | PROT_WRITE);
+    if (!at) return at.error();
     mapping made;
-    made.begin_ = static_cast<std::byte*>(at);
+    made.begin_ = *at;
     made.ring_bytes_ = ring_bytes;
     return made;
+}
+
+result<const std::byte*> map_to_read(const owned_fd& memory, std::size_t bytes) {
+    auto at = map(memory, bytes, PROT_READ);
+    if (!at) return at.error();
+    return *at;
 }
 
 ring_state& mapping::state(int ring) const noexcept {
@@ -154,26 +171,32 @@ bool is_kindred(int socket) {
     return peer->pid == ::getpid() || (same_namespace(peer->pid, "pid") && same_namespace(peer->pid, "user"));
 }
 
-bool send_with(int socket, std::span<const std::byte> bytes, const descriptors& passed) noexcept {
-    const std::array<int, descriptor_count> numbers{passed.memory.get(), passed.connecting_bell.get(),
-                                                    passed.accepting_bell.get()};
-    alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof numbers)> room{};
+bool send_with(int socket, std::span<const std::byte> bytes, std::span<const int> passed) noexcept {
+    alignas(cmsghdr) std::array<char, CMSG_SPACE(descriptor_count * sizeof(int))> room{};
     iovec content{const_cast<std::byte*>(bytes.data()), bytes.size()};
     msghdr message{};
     message.msg_iov = &content;
     message.msg_iovlen = 1;
-    message.msg_control = room.data();
-    message.msg_controllen = room.size();
-    auto* head = CMSG_FIRSTHDR(&message);
-    head->cmsg_level = SOL_SOCKET;
-    head->cmsg_type = SCM_RIGHTS;
-    head->cmsg_len = CMSG_LEN(sizeof numbers);
-    std::memcpy(CMSG_DATA(head), numbers.data(), sizeof numbers);
+    if (!passed.empty()) {
+        message.msg_control = room.data();
+        message.msg_controllen = CMSG_SPACE(passed.size_bytes());
+        auto* head = CMSG_FIRSTHDR(&message);
+        head->cmsg_level = SOL_SOCKET;
+        head->cmsg_type = SCM_RIGHTS;
+        head->cmsg_len = CMSG_LEN(passed.size_bytes());
+        std::memcpy(CMSG_DATA(head), passed.data(), passed.size_bytes());
+    }
     for (;;) {
         const auto sent = ::sendmsg(socket, &message, MSG_NOSIGNAL | MSG_DONTWAIT);
         if (sent < 0 && errno == EINTR) continue;
         return sent == static_cast<ssize_t>(bytes.size());
     }
+}
+
+bool send_with(int socket, std::span<const std::byte> bytes, const descriptors& passed) noexcept {
+    const std::array<int, descriptor_count> numbers{passed.memory.get(), passed.connecting_bell.get(),
+                                                    passed.accepting_bell.get()};
+    return send_with(socket, bytes, numbers);
 }
 
 owned_fd duplicate(int of) noexcept { return owned_fd(::fcntl(of, F_DUPFD_CLOEXEC, 0)); }

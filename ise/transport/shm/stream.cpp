@@ -3,16 +3,20 @@
 #include <ise/core/real/system_sockets.hpp>
 #include <ise/core/verified_peer.hpp>
 #include <ise/core/waiter.hpp>
+#include <ise/transport/shm/loaned.hpp>
 
 #include <asio/buffer.hpp>
 #include <asio/error.hpp>
 
 #include <fmt/format.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
+#include <optional>
+#include <utility>
+#include <vector>
 
-#include <sys/socket.h>
 #include <unistd.h>
 
 namespace ise::net::shm {
@@ -52,13 +56,14 @@ private:
     void on_writable() override {}
 };
 
-// The local socket: after the agreement nothing comes over it but its end.
+// The local socket: after the agreement nothing comes over it but notices of blocks, and its end.
 class lifeline final : public watched_descriptor {
 public:
     lifeline(loop& on, owned_fd socket, shared_stream& of) noexcept : watched_descriptor(on, std::move(socket), of) {}
 
 private:
     void on_readable() override;
+    bool take_notices();
 };
 
 // Rung by the peer, for either ring.
@@ -70,14 +75,15 @@ private:
     void on_readable() override;
 };
 
-class shared_stream final : public stream, public verified_stream, private unannounced {
+class shared_stream final : public stream, public verified_stream, public loans, private unannounced {
 public:
     shared_stream(loop& on, ends over, std::string peer)
-        : on_(on), memory_(std::move(over.memory)), writer_(memory_.writer(over.connecting ? 0 : 1)),
-          reader_(memory_.reader(over.connecting ? 1 : 0)), peer_bell_(std::move(over.peer_bell)),
-          peer_(std::move(peer)), user_(user_of(over.socket.get())), socket_(on, std::move(over.socket), *this),
-          own_bell_(on, std::move(over.own_bell), *this), bytes_(on), room_(on),
-          look_again_(on, [this] { on_rung(); }) {}
+        : on_(on), memory_(std::make_shared<const mapping>(std::move(over.memory))),
+          writer_(memory_->writer(over.connecting ? 0 : 1)), reader_(memory_->reader(over.connecting ? 1 : 0)),
+          borrower_(std::in_place, memory_, over.connecting ? 1 : 0), ring_(over.connecting ? 0 : 1),
+          peer_bell_(std::move(over.peer_bell)), peer_(std::move(peer)), user_(user_of(over.socket.get())),
+          socket_(on, std::move(over.socket), *this), own_bell_(on, std::move(over.own_bell), *this), bytes_(on),
+          room_(on), look_again_(on, [this] { on_rung(); }) {}
     ~shared_stream() override { close(); }
 
     std::error_code begin() {
@@ -95,8 +101,13 @@ public:
     std::string peer() const override { return peer_; }
     void add_verified(verified_peer& to) const override { to.user = user_; }
 
+    large_memory_source* memory() noexcept override { return block_pool::of(on_).get(); }
+    std::optional<loan_reference> loan(const shared_bytes& content) override;
+    result<passed_object> borrow(const loan_reference& what) override { return borrower_->borrow(what); }
+
     void on_rung();
     void on_gone();
+    bool on_notice(bytes_view notice, std::span<owned_fd> passed) { return borrower_->on_notice(notice, passed); }
 
 private:
     struct outcome {
@@ -114,9 +125,12 @@ private:
     void rest() override;
 
     loop& on_;
-    mapping memory_;
+    std::shared_ptr<const mapping> memory_;
     ring_writer writer_;
     ring_reader reader_;
+    std::unique_ptr<lender> lender_;   // once something is loaned
+    std::optional<borrower> borrower_; // while it is open
+    int ring_;                         // that which this side writes
     owned_fd peer_bell_;
     std::string peer_;
     std::optional<std::uint32_t> user_;
@@ -132,13 +146,23 @@ private:
     std::atomic<bool> gone_{false}; // the peer; signs of life look at it from another thread
 };
 
-// A byte is as good as the end: nobody who keeps to the agreement sends one.
 void lifeline::on_readable() {
-    std::byte one{};
-    const auto count = ::recv(fd(), &one, sizeof one, MSG_DONTWAIT);
-    found_nothing();
-    if (count < 0 && (errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR)) return want_read();
-    of_.on_gone();
+    if (take_notices()) want_read();
+    else of_.on_gone();
+}
+
+// False: the end has come, or what is no notice, which is as good: nobody who keeps to the agreement sends it. A peer
+// that goes on and on waits for another turn.
+bool lifeline::take_notices() {
+    for (std::size_t left = loan_slots; left > 0; --left) {
+        std::array<std::byte, block_notice::bytes> notice;
+        std::vector<owned_fd> passed;
+        const auto got = real::receive_passed(fd(), asio::buffer(notice), passed);
+        if (!got.problem && of_.on_notice(bytes_view(notice).first(got.bytes), passed)) continue;
+        found_nothing();
+        return got.problem == asio::error::would_block;
+    }
+    return true;
 }
 
 // Where each ring is told it need not be read.
@@ -261,6 +285,12 @@ task<std::error_code> shared_stream::wait_writable() {
     co_return ended.problem;
 }
 
+std::optional<loan_reference> shared_stream::loan(const shared_bytes& content) {
+    if (closed_) return std::nullopt;
+    if (!lender_) lender_ = std::make_unique<lender>(block_pool::of(on_), memory_, ring_, socket_.fd());
+    return lender_->loan(content);
+}
+
 void shared_stream::shutdown_write() {
     if (!closed_ && writer_.end()) ring();
 }
@@ -272,7 +302,9 @@ void shared_stream::close() {
     socket_.close();
     own_bell_.close();
     peer_bell_.reset();
-    memory_ = mapping();
+    lender_.reset();
+    borrower_.reset();
+    memory_.reset();
     bytes_.resume({asio::error::operation_aborted, 0});
     room_.resume({asio::error::operation_aborted});
 }

@@ -3,6 +3,7 @@
 #include <ise/core/loop.hpp>
 #include <ise/core/real/socket_stream.hpp>
 #include <ise/core/verified_peer.hpp>
+#include <ise/transport/loans.hpp>
 #include <ise/transport/shm/row.hpp>
 #include <ise/transport/shm/stream.hpp>
 #include <ise/transport/system_streams.hpp>
@@ -123,7 +124,7 @@ task<result<std::unique_ptr<stream>>> agree(loop& on, std::unique_ptr<stream> li
 }
 
 // Of the side that was called: agrees in its first read.
-class accepted_stream final : public stream, public verified_stream {
+class accepted_stream final : public stream, public verified_stream, public loans {
 public:
     accepted_stream(loop& on, std::unique_ptr<stream> line, std::string peer)
         : on_(on), now_(std::move(line)), peer_(std::move(peer)) {}
@@ -146,6 +147,15 @@ public:
         if (auto* known = dynamic_cast<const verified_stream*>(now_.get())) known->add_verified(to);
     }
 
+    large_memory_source* memory() noexcept override { return loans_ ? loans_->memory() : nullptr; }
+    std::optional<loan_reference> loan(const shared_bytes& content) override {
+        return loans_ ? loans_->loan(content) : std::nullopt;
+    }
+    result<passed_object> borrow(const loan_reference& what) override {
+        if (loans_) return loans_->borrow(what);
+        return failure(errc::protocol_error, "a packet refers to shared memory, and there is none");
+    }
+
 private:
     task<transfer> agree_and_read(asio::mutable_buffer into) {
         auto problem = co_await agree();
@@ -164,6 +174,7 @@ private:
 
     loop& on_;
     std::unique_ptr<stream> now_;
+    loans* loans_ = nullptr; // the same, where it goes through memory
     std::string peer_;
     std::optional<failure> verdict_;
     bool agreed_ = false;
@@ -214,7 +225,10 @@ task<std::error_code> accepted_stream::agree() {
     asio::const_buffer whole(answer.data(), answer.size());
     const auto wrote = now_->try_write(std::span(&whole, 1));
     if (wrote.bytes != answer.size()) co_return wrote.problem ? wrote.problem : asio::error::broken_pipe;
-    if (memory) now_ = std::move(memory);
+    if (memory) {
+        now_ = std::move(memory);
+        loans_ = dynamic_cast<loans*>(now_.get());
+    }
     co_return std::error_code();
 }
 

@@ -5,6 +5,8 @@
 #include <support/catch.hpp>
 #include <support/real_parties.hpp>
 
+#include "denied.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -19,15 +21,11 @@
 #include <vector>
 
 #include <fcntl.h>
-#include <linux/audit.h>
-#include <linux/filter.h>
-#include <linux/seccomp.h>
 #include <linux/sockios.h>
 #include <signal.h>
 #include <sys/eventfd.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
-#include <sys/prctl.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
 #include <sys/un.h>
@@ -43,6 +41,7 @@ using namespace std::chrono_literals;
 using ise_test::party, ise_test::real_parties;
 using shm_fd = ise::real::owned_fd;
 using namespace ise::net::shm;
+using namespace shm_test;
 
 constexpr std::uint32_t ring_bytes = min_ring_bytes;
 
@@ -164,21 +163,6 @@ struct agreed_stranger : stranger {
     ring_state* state = nullptr; // [0]: to the boat, [1]: from it
 };
 
-// In a child, whose exit code is returned; the parties of this process go on meanwhile.
-template <class Work>
-pid_t fork_child(Work work) {
-    const auto child = ::fork();
-    if (child == 0) {
-        ::alarm(120); // a defect does not hang the test
-        try {
-            ::_exit(work());
-        } catch (...) {
-            ::_exit(99);
-        }
-    }
-    REQUIRE(child > 1);
-    return child;
-}
 int wait_for(real_parties& all, pid_t child) {
     int status = -1;
     // It is looked for again and again: its end is no event here.
@@ -189,40 +173,6 @@ int wait_for(real_parties& all, pid_t child) {
         return ::waitpid(child, &status, WNOHANG) == child;
     });
     return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
-}
-
-// The system calls behind the C library's functions: newer processors have one where older ones have two, and those of
-// 32 bits a second one for files of 64 bits.
-#ifdef SYS_readlink
-constexpr long call_of_readlink = SYS_readlink;
-#else
-constexpr long call_of_readlink = SYS_readlinkat;
-#endif
-#ifdef SYS_mmap2
-constexpr long call_of_mmap = SYS_mmap2, call_of_ftruncate = SYS_ftruncate64, call_of_fcntl = SYS_fcntl64,
-               call_of_fstatfs = SYS_fstatfs64;
-#else
-constexpr long call_of_mmap = SYS_mmap, call_of_ftruncate = SYS_ftruncate, call_of_fcntl = SYS_fcntl,
-               call_of_fstatfs = SYS_fstatfs;
-#endif
-
-// From now on this process is refused a system call, where the lower half of one of its arguments is as given.
-void deny(long call, int argument = -1, std::uint32_t value = 0) {
-    std::vector<sock_filter> rules{BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(seccomp_data, nr))};
-    const bool one = argument >= 0;
-    rules.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, static_cast<std::uint32_t>(call), 0,
-                             static_cast<std::uint8_t>(one ? 3 : 1)));
-    if (one) {
-        rules.push_back(BPF_STMT(
-            BPF_LD | BPF_W | BPF_ABS,
-            static_cast<std::uint32_t>(offsetof(seccomp_data, args) + static_cast<std::size_t>(argument) * 8)));
-        rules.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, value, 0, 1));
-    }
-    rules.push_back(BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EPERM));
-    rules.push_back(BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW));
-    const sock_fprog program{static_cast<unsigned short>(rules.size()), rules.data()};
-    if (::prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0 || ::prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) != 0)
-        ::_exit(77);
 }
 
 } // namespace

@@ -1,0 +1,145 @@
+#include <ise/transport/shm/blocks.hpp>
+
+#include <ise/transport/shm/memory.hpp>
+
+#include <algorithm>
+#include <cstdint>
+#include <optional>
+#include <utility>
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+namespace ise::net::shm {
+namespace {
+
+using namespace std::chrono_literals;
+
+// A block without use is freed after one or two of these.
+constexpr duration look_period = 5s;
+constexpr std::size_t min_block_bytes = 64 * 1024;
+
+// A 256th of the machine's memory, within bounds: of one loop.
+std::size_t pool_bytes_here() noexcept {
+    constexpr std::uint64_t least = 16 * 1024 * 1024, most = max_loaned_bytes;
+    return static_cast<std::size_t>(std::clamp<std::uint64_t>(machine_bytes() / 256, least, most));
+}
+
+std::optional<block> make_block(std::size_t size) {
+    block made;
+    made.memory.reset(::memfd_create("ise-block", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+    if (!made.memory || is_late(made.memory) || ::ftruncate(made.memory.get(), static_cast<off_t>(size)) != 0)
+        return std::nullopt;
+    auto* at = ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED, made.memory.get(), 0); // NOLINT
+    if (at == MAP_FAILED) return std::nullopt;
+    made.begin = static_cast<std::byte*>(at);
+    made.size = size;
+    // This mapping stays the only one that can write.
+    if (::fcntl(made.memory.get(), F_ADD_SEALS, demanded_seals | F_SEAL_FUTURE_WRITE) != 0) {
+        ::munmap(made.begin, size);
+        return std::nullopt;
+    }
+    return made;
+}
+
+// Common to a loop.
+struct pool_of_loop {
+    std::shared_ptr<block_pool> pool;
+    ~pool_of_loop() {
+        if (pool) pool->leave_loop();
+    }
+};
+
+} // namespace
+
+const std::shared_ptr<block_pool>& block_pool::of(loop& on) {
+    auto& own = on.common<pool_of_loop>();
+    if (!own.pool) own.pool = std::make_shared<block_pool>(on);
+    return own.pool;
+}
+
+block_pool::block_pool(loop& on) : on_(on), look_(std::make_unique<timer>(on, [this] { look(); })) {}
+
+block_pool::~block_pool() {
+    while (!blocks_.empty()) free_one(blocks_.size() - 1);
+}
+
+std::span<std::byte> block_pool::take(std::size_t least) noexcept {
+    auto* found = find_free(least);
+    if (!found) {
+        for (auto* user : users_) user->collect();
+        found = find_free(least);
+    }
+    if (!found) found = make(least);
+    if (!found) return {};
+    found->taken = found->used = true;
+    if (taken_++ == 0) self_ = weak_from_this().lock();
+    return {found->begin, found->size};
+}
+
+bool block_pool::give_back(const std::byte* at) noexcept {
+    const auto found = std::ranges::find_if(blocks_, [at](const auto& one) { return one->begin == at; });
+    if (found == blocks_.end()) return false;
+    std::rotate(found, found + 1, blocks_.end());
+    blocks_.back()->taken = false;
+    if (blocks_.back()->retired) free_one(blocks_.size() - 1);
+    if (--taken_ == 0) auto perhaps_the_last = std::move(self_);
+    return true;
+}
+
+block* block_pool::find(const std::byte* at) const noexcept {
+    for (const auto& one : blocks_)
+        if (at >= one->begin && at < one->begin + one->size) return one.get();
+    return nullptr;
+}
+
+// Frees those that are not in use, and were not since the last time.
+void block_pool::look() {
+    for (std::size_t place = blocks_.size(); place-- > 0;) {
+        auto& one = *blocks_[place];
+        if (!std::exchange(one.used, one.taken) && !one.taken) free_one(place);
+    }
+    if (!blocks_.empty()) look_later();
+}
+
+void block_pool::look_later() {
+    if (look_) look_->arm(saturating_add(on_.now(), look_period));
+}
+
+// The smallest that suffices and is not far too large; of equal ones the one that was used last.
+block* block_pool::find_free(std::size_t least) noexcept {
+    block* best = nullptr;
+    for (const auto& one : blocks_)
+        if (!one->taken && one->size >= least && one->size / 4 <= std::max(least, min_block_bytes) &&
+            (!best || one->size <= best->size))
+            best = one.get();
+    return best;
+}
+
+block* block_pool::make(std::size_t least) noexcept {
+    static const std::size_t most = pool_bytes_here();
+    constexpr std::size_t page = 4096;
+    if (least > most / 2) return nullptr;
+    const auto size = (std::max(least + least / 8, min_block_bytes) + page - 1) / page * page;
+    for (std::size_t place = 0; blocks_.size() >= max_blocks || bytes_ + size > most;) {
+        while (place < blocks_.size() && blocks_[place]->taken) ++place;
+        if (place == blocks_.size()) return nullptr;
+        free_one(place);
+    }
+    auto made = make_block(size);
+    if (!made) return nullptr;
+    bytes_ += size;
+    if (blocks_.empty()) look_later();
+    return blocks_.emplace_back(std::make_unique<block>(std::move(*made))).get();
+}
+
+void block_pool::free_one(std::size_t place) noexcept {
+    const auto gone = std::move(blocks_[place]);
+    blocks_.erase(blocks_.begin() + static_cast<std::ptrdiff_t>(place));
+    bytes_ -= gone->size;
+    for (auto* user : users_) user->forget(*gone);
+    ::munmap(gone->begin, gone->size);
+}
+
+} // namespace ise::net::shm
