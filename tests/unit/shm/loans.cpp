@@ -215,7 +215,7 @@ TEST_CASE("where the system refuses shared blocks, large packets are sent as byt
         {"memfd_create", SYS_memfd_create, -1, 0},
         {"ftruncate", call_of_ftruncate, -1, 0},
         {"sealing", call_of_fcntl, 1, F_ADD_SEALS},
-        {"the publisher's mapping", call_of_mmap, 2, PROT_READ | PROT_WRITE},
+        {"shared mappings", call_of_mmap, 3, MAP_SHARED},
         {"the subscriber's mapping", call_of_mmap, 2, PROT_READ},
         {"passing descriptors", SYS_sendmsg, -1, 0},
     }));

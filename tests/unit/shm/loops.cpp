@@ -26,7 +26,60 @@ class mirror final : public ise::component {
     }
 };
 
+struct picture {
+    std::uint32_t number = 0;
+    std::vector<std::uint32_t> pixels;
+};
+inline constexpr ise::subscription<picture> camera{"camera"};
+
+class eye final : public ise::component {
+    ise::task<> run() override {
+        auto out = publish(camera);
+        while (out.subscribers() == 0) co_await sleep(1ms);
+        for (std::uint32_t number = 0;; ++number) {
+            picture next{number, std::vector<std::uint32_t>(4'000 + number % 7 * 10'000, number)};
+            co_await out.send(next);
+            if (number % 8 == 7) co_await sleep(10us); // the turn of the loop's others
+        }
+    }
+};
+
 } // namespace
+
+TEST_CASE("large packets are whole while their publisher goes on in the same memory", "[shm]") {
+    const bool lossless = GENERATE(true, false);
+    CAPTURE(lossless);
+    ise::real_environment env;
+    ise::node_options how;
+    how.use_names = false;
+    how.log = {};
+    ise::node node(env, how);
+    ise::component_options options;
+    options.listen = {ise::endpoint::parse(fmt::format("shm://@ise-unit-shm-pictures-{}", ::getpid())).value()};
+    const auto at = node.start<eye>("boat", options).services().listening().front();
+    std::promise<std::string> result;
+    node.start("shore", [&](ise::component& self) -> ise::task<> {
+        try {
+            auto boat = self.at(at);
+            const auto policy = lossless ? ise::subscribe_options::lossless(20) : ise::subscribe_options::keep_latest();
+            auto pictures = co_await boat.subscribe(camera, policy);
+            for (int seen = 0; seen < 2000; ++seen) {
+                auto got = co_await pictures.next();
+                if (!got) throw ise::error(pictures.cause());
+                if (got->pixels.size() != 4'000 + got->number % 7 * 10'000) throw std::runtime_error("another size");
+                for (auto pixel : got->pixels)
+                    if (pixel != got->number) throw std::runtime_error("a pixel of another picture");
+                if (seen % 500 == 0) co_await self.sleep(2ms);
+            }
+            result.set_value("all");
+        } catch (const std::exception& wrong) {
+            result.set_value(wrong.what());
+        }
+    });
+    REQUIRE(result.get_future().get() == "all");
+    node.stop();
+    node.wait();
+}
 
 TEST_CASE("many calls, small and big, pass between two loops of ISE's own", "[shm]") {
     const bool polls = GENERATE(false, true);
