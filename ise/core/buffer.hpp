@@ -16,7 +16,7 @@ public:
     /// Smaller memory comes from the heap.
     static constexpr std::size_t min_bytes = 16 * 1024;
     /// At least so many bytes. Empty: none is left, and the buffer uses the heap.
-    virtual std::span<std::byte> take(std::size_t least) noexcept = 0;
+    virtual std::span<std::byte> take(std::size_t least) = 0;
     /// Returns memory. False: it is not from this source.
     virtual bool give_back(const std::byte* at) noexcept = 0;
 

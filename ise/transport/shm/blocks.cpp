@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <optional>
 #include <utility>
 
 #include <fcntl.h>
@@ -26,20 +25,18 @@ std::size_t pool_bytes_here() noexcept {
     return static_cast<std::size_t>(std::clamp<std::uint64_t>(machine_bytes() / 256, least, most));
 }
 
-std::optional<block> make_block(std::size_t size) {
-    block made;
-    made.memory.reset(::memfd_create("ise-block", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-    if (!made.memory || is_late(made.memory) || ::ftruncate(made.memory.get(), static_cast<off_t>(size)) != 0)
-        return std::nullopt;
-    auto* at = ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED, made.memory.get(), 0); // NOLINT
-    if (at == MAP_FAILED) return std::nullopt;
-    made.begin = static_cast<std::byte*>(at);
-    made.size = size;
+// Null: the system refuses.
+std::unique_ptr<block> make_block(std::size_t size) {
+    auto made = std::make_unique<block>();
+    made->memory.reset(::memfd_create("ise-block", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+    const int memory = made->memory.get();
+    if (!made->memory || is_late(made->memory) || ::ftruncate(memory, static_cast<off_t>(size)) != 0) return nullptr;
+    auto* at = ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED, memory, 0); // NOLINT
+    if (at == MAP_FAILED) return nullptr;
+    made->begin = static_cast<std::byte*>(at);
+    made->size = size;
     // This mapping stays the only one that can write.
-    if (::fcntl(made.memory.get(), F_ADD_SEALS, demanded_seals | F_SEAL_FUTURE_WRITE) != 0) {
-        ::munmap(made.begin, size);
-        return std::nullopt;
-    }
+    if (::fcntl(memory, F_ADD_SEALS, demanded_seals | F_SEAL_FUTURE_WRITE) != 0) return nullptr;
     return made;
 }
 
@@ -53,6 +50,10 @@ struct pool_of_loop {
 
 } // namespace
 
+block::~block() {
+    if (begin) ::munmap(begin, size);
+}
+
 const std::shared_ptr<block_pool>& block_pool::of(loop& on) {
     auto& own = on.common<pool_of_loop>();
     if (!own.pool) own.pool = std::make_shared<block_pool>(on);
@@ -65,7 +66,7 @@ block_pool::~block_pool() {
     while (!blocks_.empty()) free_one(blocks_.size() - 1);
 }
 
-std::span<std::byte> block_pool::take(std::size_t least) noexcept {
+std::span<std::byte> block_pool::take(std::size_t least) {
     auto* found = find_free(least);
     if (!found) {
         for (auto* user : users_) user->collect();
@@ -117,7 +118,7 @@ block* block_pool::find_free(std::size_t least) noexcept {
     return best;
 }
 
-block* block_pool::make(std::size_t least) noexcept {
+block* block_pool::make(std::size_t least) {
     static const std::size_t most = pool_bytes_here();
     constexpr std::size_t page = 4096;
     if (least > most / 2) return nullptr;
@@ -129,9 +130,10 @@ block* block_pool::make(std::size_t least) noexcept {
     }
     auto made = make_block(size);
     if (!made) return nullptr;
-    bytes_ += size;
     if (blocks_.empty()) look_later();
-    return blocks_.emplace_back(std::make_unique<block>(std::move(*made))).get();
+    blocks_.push_back(std::move(made));
+    bytes_ += size;
+    return blocks_.back().get();
 }
 
 void block_pool::free_one(std::size_t place) noexcept {
@@ -139,7 +141,6 @@ void block_pool::free_one(std::size_t place) noexcept {
     blocks_.erase(blocks_.begin() + static_cast<std::ptrdiff_t>(place));
     bytes_ -= gone->size;
     for (auto* user : users_) user->forget(*gone);
-    ::munmap(gone->begin, gone->size);
 }
 
 } // namespace ise::net::shm

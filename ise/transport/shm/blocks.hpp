@@ -15,6 +15,11 @@ using real::owned_fd;
 
 /// Memory that this process writes and its peers only read. It cannot shrink, and no other process can write to it.
 struct block {
+    block() = default;
+    block(const block&) = delete;
+    block& operator=(const block&) = delete;
+    ~block();
+
     std::byte* begin = nullptr;
     std::size_t size = 0;
     owned_fd memory;
@@ -49,7 +54,7 @@ public:
     /// The loop ends.
     void leave_loop() noexcept { look_.reset(); }
 
-    std::span<std::byte> take(std::size_t least) noexcept override;
+    std::span<std::byte> take(std::size_t least) override;
     bool give_back(const std::byte* at) noexcept override;
 
     /// The block that contains this address; null: none does.
@@ -61,7 +66,7 @@ private:
     void look();
     void look_later();
     block* find_free(std::size_t least) noexcept;
-    block* make(std::size_t least) noexcept;
+    block* make(std::size_t least);
     void free_one(std::size_t place) noexcept;
 
     std::vector<std::unique_ptr<block>> blocks_; // the ones used last are at the end
