@@ -4,6 +4,7 @@
 
 #include <ise/net/connect.hpp>
 #include <ise/net/connection.hpp>
+#include <ise/service/dynamic.hpp>
 #include <ise/transport/shm/memory.hpp>
 
 #include <support/catch.hpp>
@@ -51,6 +52,16 @@ struct picture {
 };
 inline constexpr ise::subscription<picture> camera{"camera"};
 
+namespace newer {
+struct picture {
+    std::uint32_t number = 0;
+    std::string label;
+    std::vector<std::uint32_t> pixels;
+    std::uint32_t exposure_us = 500;
+};
+} // namespace newer
+inline constexpr ise::subscription<newer::picture> newer_camera{"camera"};
+
 picture picture_of(std::uint32_t number, std::size_t pixels = 20'000) {
     picture made{number, fmt::format("no. {}", number), std::vector<std::uint32_t>(pixels)};
     std::iota(made.pixels.begin(), made.pixels.end(), number);
@@ -74,6 +85,11 @@ long open_descriptors() {
 
 ise::task<ise::subscriber<decltype(camera)>> subscribe(ise::remote to, ise::subscribe_options how) {
     auto made = co_await to.subscribe(camera, how);
+    co_return made;
+}
+
+ise::task<ise::subscriber<decltype(newer_camera)>> subscribe_newer(ise::remote to) {
+    auto made = co_await to.subscribe(newer_camera);
     co_return made;
 }
 
@@ -191,6 +207,30 @@ TEST_CASE("what has arrived is whole after the end of its session, while the pub
         REQUIRE(got->number == number);
         REQUIRE(is_whole(*got));
     }
+}
+
+TEST_CASE("subscribers with a newer version of the packet, or without its type, read loaned packets too", "[shm]") {
+    harbour here;
+    auto& newer_shore = here.add_shore("newer");
+    auto adapting = here.all.run(newer_shore, subscribe_newer(newer_shore.at(here.at)));
+    auto& tool = here.add_shore("tool");
+    const auto contract =
+        ise::dynamic_contract::make("camera", ise::service_kind::subscription, camera.types().schemas).value();
+    auto untyped = here.all.run(tool, ise::subscribe_dynamic(tool.at(here.at), contract)).value();
+    auto plain = here.subscribe(here.add_shore("shore"));
+    for (std::uint32_t number = 0; number < 20; ++number) {
+        REQUIRE(is_whole(*here.pass(plain, picture_of(number))));
+        ise::received<newer::picture> adapted;
+        ise::received<ise::dynamic_packet> raw;
+        here.all.run_until([&] { return (adapted = adapting.try_next()) || adapting.ended(); });
+        here.all.run_until([&] { return (raw = untyped.try_next()) || untyped.ended(); });
+        REQUIRE(adapted);
+        REQUIRE(raw);
+        REQUIRE(is_whole(picture{adapted->number, adapted->label, adapted->pixels}));
+        REQUIRE(adapted->exposure_us == 500);
+        REQUIRE(is_whole(ise::decode<picture>(raw->encoded())));
+    }
+    REQUIRE(mapped_blocks() > 3); // all three know blocks
 }
 
 TEST_CASE("nothing is left of loans once nobody publishes and nobody reads", "[shm]") {
