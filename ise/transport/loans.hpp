@@ -23,7 +23,7 @@ struct loan_reference {
         out.append(offset);
         out.append(size);
     }
-    /// From so many bytes.
+    /// From `bytes` bytes.
     static loan_reference read(const std::byte* from) noexcept {
         return {detail::load_little<std::uint32_t>(from), detail::load_little<std::uint32_t>(from + 4),
                 detail::load_little<std::uint32_t>(from + 8)};

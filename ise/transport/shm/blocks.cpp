@@ -8,7 +8,6 @@
 
 #include <fcntl.h>
 #include <sys/mman.h>
-#include <unistd.h>
 
 namespace ise::net::shm {
 namespace {
@@ -28,15 +27,16 @@ std::size_t pool_bytes_here() noexcept {
 // Null: the system refuses.
 std::unique_ptr<block> make_block(std::size_t size) {
     auto made = std::make_unique<block>();
-    made->memory.reset(::memfd_create("ise-block", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-    const int memory = made->memory.get();
-    if (!made->memory || is_late(made->memory) || ::ftruncate(memory, static_cast<off_t>(size)) != 0) return nullptr;
-    auto* at = ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED, memory, 0); // NOLINT
+    auto memory = make_memory("ise-block", size);
+    if (!memory || is_late(*memory)) return nullptr;
+    made->memory = std::move(*memory);
+    const int fd = made->memory.get();
+    auto* at = ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0); // NOLINT
     if (at == MAP_FAILED) return nullptr;
     made->begin = static_cast<std::byte*>(at);
     made->size = size;
     // This mapping stays the only one that can write.
-    if (::fcntl(memory, F_ADD_SEALS, demanded_seals | F_SEAL_FUTURE_WRITE) != 0) return nullptr;
+    if (::fcntl(fd, F_ADD_SEALS, demanded_seals | F_SEAL_FUTURE_WRITE) != 0) return nullptr;
     return made;
 }
 

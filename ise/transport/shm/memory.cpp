@@ -133,12 +133,18 @@ std::byte* mapping::content(int ring) const noexcept {
 ring_writer mapping::writer(int ring) const noexcept { return {state(ring), content(ring), ring_bytes_}; }
 ring_reader mapping::reader(int ring) const noexcept { return {state(ring), content(ring), ring_bytes_}; }
 
+result<owned_fd> make_memory(const char* name, std::size_t bytes) {
+    owned_fd made(::memfd_create(name, MFD_CLOEXEC | MFD_ALLOW_SEALING));
+    if (!made) return system_refused("memfd_create");
+    if (::ftruncate(made.get(), static_cast<off_t>(bytes)) != 0) return system_refused("ftruncate");
+    return made;
+}
+
 result<descriptors> make_descriptors(std::uint32_t ring_bytes) {
+    auto memory = make_memory("ise-shm", mapping::size_for(ring_bytes));
+    if (!memory) return memory.error();
     descriptors made;
-    made.memory.reset(::memfd_create("ise-shm", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-    if (!made.memory) return system_refused("memfd_create");
-    if (::ftruncate(made.memory.get(), static_cast<off_t>(mapping::size_for(ring_bytes))) != 0)
-        return system_refused("ftruncate");
+    made.memory = std::move(*memory);
     if (::fcntl(made.memory.get(), F_ADD_SEALS, demanded_seals) != 0) return system_refused("sealing");
     for (auto* bell : {&made.connecting_bell, &made.accepting_bell}) {
         bell->reset(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK));

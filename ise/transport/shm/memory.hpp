@@ -21,7 +21,7 @@ using real::owned_fd;
 inline constexpr std::uint32_t min_ring_bytes = 64 * 1024;
 inline constexpr std::uint32_t max_ring_bytes = 1024 * 1024;
 
-/// What keeps memory from shrinking under those who read it.
+/// Seals that shared memory must have: it cannot shrink while a process reads it.
 inline constexpr int demanded_seals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL;
 /// The blocks that one side of a connection loans have at most so many bytes, all together.
 inline constexpr std::size_t max_loaned_bytes = 64 * 1024 * 1024;
@@ -76,6 +76,8 @@ struct descriptors {
 };
 inline constexpr std::size_t descriptor_count = 3;
 
+/// New memory that can still be sealed; `name` appears in /proc. Errors: errc::io_failed.
+result<owned_fd> make_memory(const char* name, std::size_t bytes);
 /// New memory, sealed, and two bells. Errors: errc::io_failed.
 result<descriptors> make_descriptors(std::uint32_t ring_bytes);
 /// Those of a peer, in their order. Errors: errc::protocol_error if they are too many or not bells; errc::io_failed if

@@ -78,12 +78,12 @@ private:
 class shared_stream final : public stream, public verified_stream, public loans, private unannounced {
 public:
     shared_stream(loop& on, ends over, std::string peer)
-        : on_(on), memory_(std::make_shared<const mapping>(std::move(over.memory))),
-          writer_(memory_->writer(over.connecting ? 0 : 1)), reader_(memory_->reader(over.connecting ? 1 : 0)),
-          borrower_(std::in_place, memory_, over.connecting ? 1 : 0), ring_(over.connecting ? 0 : 1),
-          peer_bell_(std::move(over.peer_bell)), peer_(std::move(peer)), user_(user_of(over.socket.get())),
-          socket_(on, std::move(over.socket), *this), own_bell_(on, std::move(over.own_bell), *this), bytes_(on),
-          room_(on), look_again_(on, [this] { on_rung(); }) {}
+        : on_(on), memory_(std::make_shared<const mapping>(std::move(over.memory))), ring_(over.connecting ? 0 : 1),
+          writer_(memory_->writer(ring_)), reader_(memory_->reader(1 - ring_)),
+          borrower_(std::in_place, memory_, 1 - ring_), peer_bell_(std::move(over.peer_bell)), peer_(std::move(peer)),
+          user_(user_of(over.socket.get())), socket_(on, std::move(over.socket), *this),
+          own_bell_(on, std::move(over.own_bell), *this), bytes_(on), room_(on),
+          look_again_(on, [this] { on_rung(); }) {}
     ~shared_stream() override { close(); }
 
     std::error_code begin() {
@@ -126,11 +126,11 @@ private:
 
     loop& on_;
     std::shared_ptr<const mapping> memory_;
+    int ring_; // the one that this side writes
     ring_writer writer_;
     ring_reader reader_;
     std::unique_ptr<lender> lender_;   // once something is loaned
     std::optional<borrower> borrower_; // while it is open
-    int ring_;                         // that which this side writes
     owned_fd peer_bell_;
     std::string peer_;
     std::optional<std::uint32_t> user_;
@@ -151,8 +151,8 @@ void lifeline::on_readable() {
     else of_.on_gone();
 }
 
-// False: the end has come, or what is no notice, which is as good: nobody who keeps to the agreement sends it. A peer
-// that goes on and on waits for another turn.
+// False: the end, or something that is no notice, which no peer that keeps to the agreement sends. If a peer sends more
+// and more, the rest waits for another turn.
 bool lifeline::take_notices() {
     for (std::size_t left = loan_slots; left > 0; --left) {
         std::array<std::byte, block_notice::bytes> notice;

@@ -5,7 +5,7 @@
 #include <support/catch.hpp>
 #include <support/real_parties.hpp>
 
-#include "denied.hpp"
+#include "system.hpp"
 
 #include <fmt/format.h>
 
@@ -14,8 +14,6 @@
 #include <atomic>
 #include <cstddef>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
 #include <string>
 #include <thread>
 #include <vector>
@@ -39,26 +37,12 @@ namespace {
 using namespace boat_services;
 using namespace std::chrono_literals;
 using ise_test::party, ise_test::real_parties;
-using shm_fd = ise::real::owned_fd;
 using namespace ise::net::shm;
 using namespace shm_test;
-
-constexpr std::uint32_t ring_bytes = min_ring_bytes;
 
 std::string fresh_name() {
     static int made = 0;
     return fmt::format("@ise-unit-shm-{}-{}", ::getpid(), ++made);
-}
-
-// How often the memory of connections is mapped into this process.
-int mappings() {
-    std::ifstream maps("/proc/self/maps");
-    int count = 0;
-    for (std::string line; std::getline(maps, line);) count += line.find("memfd:ise-") != line.npos;
-    return count;
-}
-long open_descriptors() {
-    return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), std::filesystem::directory_iterator());
 }
 
 ise::task<ise::result<blob>> try_echo(ise::remote there, std::size_t size) {
@@ -134,12 +118,6 @@ std::string offer(std::uint32_t bytes, char version = 1) {
 }
 const std::string over_memory("ISE-shm\x01", 8), over_socket("ISE-shm\0", 8);
 
-shm_fd memory_of(std::size_t bytes, int seals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) {
-    shm_fd made(::memfd_create("ise-stranger", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-    REQUIRE(::ftruncate(made.get(), static_cast<off_t>(bytes)) == 0);
-    if (seals != 0) REQUIRE(::fcntl(made.get(), F_ADD_SEALS, seals) == 0);
-    return made;
-}
 shm_fd bell() { return shm_fd(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)); }
 
 // One that has agreed, and holds the memory.

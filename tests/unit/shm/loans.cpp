@@ -19,8 +19,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
 #include <map>
 #include <numeric>
 #include <optional>
@@ -29,7 +27,7 @@
 #include <variant>
 #include <vector>
 
-#include "denied.hpp"
+#include "system.hpp"
 
 #include <fcntl.h>
 #include <sys/mman.h>
@@ -42,7 +40,6 @@ namespace {
 using namespace std::chrono_literals;
 using namespace ise::net::shm;
 using namespace shm_test;
-using shm_fd = ise::real::owned_fd;
 using ise_test::party, ise_test::real_parties;
 
 struct picture {
@@ -72,16 +69,8 @@ bool is_whole(const picture& seen, std::size_t pixels = 20'000) {
     return seen.label == right.label && seen.pixels == right.pixels;
 }
 
-// Mappings of blocks in this process: one for the publisher, and one for each connection that knows the block.
-int mapped_blocks() {
-    std::ifstream maps("/proc/self/maps");
-    int count = 0;
-    for (std::string line; std::getline(maps, line);) count += line.find("memfd:ise-block") != line.npos;
-    return count;
-}
-long open_descriptors() {
-    return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), std::filesystem::directory_iterator());
-}
+// One for the publisher, and one for each connection that knows the block.
+int mapped_blocks() { return mappings("memfd:ise-block"); }
 
 ise::task<ise::subscriber<decltype(camera)>> subscribe(ise::remote to, ise::subscribe_options how) {
     auto made = co_await to.subscribe(camera, how);
@@ -112,6 +101,15 @@ struct harbour {
         all.run_until([&] { return (got = from.try_next()) || from.ended(); });
         REQUIRE(got);
         return got;
+    }
+    // The next ones are these, whole.
+    template <class Subscriber>
+    void receive_whole(Subscriber& from, std::uint32_t first, std::uint32_t end) {
+        for (std::uint32_t number = first; number < end; ++number) {
+            auto got = receive(from);
+            REQUIRE(got->number == number);
+            REQUIRE(is_whole(*got));
+        }
     }
     // Until packets are loaned, and not sent.
     template <class Subscriber>
@@ -168,11 +166,7 @@ TEST_CASE("many subscribers read the same memory, also two over one connection",
     for (int i = 0; i < 2; ++i) subscribers.push_back(here.subscribe(shared));
     for (std::uint32_t number = 0; number < 50; ++number) {
         here.out(picture_of(number));
-        for (auto& one : subscribers) {
-            auto got = here.receive(one);
-            REQUIRE(got->number == number);
-            REQUIRE(is_whole(*got));
-        }
+        for (auto& one : subscribers) here.receive_whole(one, number, number + 1);
     }
 }
 
@@ -183,11 +177,7 @@ TEST_CASE("a subscriber that does not take its packets keeps neither the publish
     constexpr std::uint32_t count = 300;
     for (std::uint32_t number = 0; number < count; ++number) REQUIRE(is_whole(*here.pass(fast, picture_of(number))));
     // Those that were loaned are untouched, and those that were sent follow them.
-    for (std::uint32_t number = 0; number < count; ++number) {
-        auto got = here.receive(slow);
-        REQUIRE(got->number == number);
-        REQUIRE(is_whole(*got));
-    }
+    here.receive_whole(slow, 0, count);
 }
 
 TEST_CASE("what has arrived is whole after the end of its session, while the publisher goes on", "[shm]") {
@@ -202,11 +192,7 @@ TEST_CASE("what has arrived is whole after the end of its session, while the pub
     auto& ends = boat_ends ? here.boat : shore;
     ends.services->sessions().begin()->first->wire().close(ise::failure(ise::errc::peer_lost, "cut"));
     for (std::uint32_t number = 200; number < 240; ++number) REQUIRE(is_whole(*here.pass(other, picture_of(number))));
-    for (std::uint32_t number = 100; number < 110; ++number) {
-        auto got = here.receive(pictures);
-        REQUIRE(got->number == number);
-        REQUIRE(is_whole(*got));
-    }
+    here.receive_whole(pictures, 100, 110);
 }
 
 TEST_CASE("subscribers with a newer version of the packet, or without its type, read loaned packets too", "[shm]") {
@@ -282,15 +268,6 @@ TEST_CASE("where the system refuses shared blocks, large packets are sent as byt
 
 // --- peers that break the rules --------------------------------------------------------------------------------------
 namespace {
-
-constexpr std::uint32_t ring_bytes = min_ring_bytes;
-
-shm_fd memory_of(std::size_t bytes, int seals = demanded_seals) {
-    shm_fd made(::memfd_create("ise-stranger", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-    REQUIRE(::ftruncate(made.get(), static_cast<off_t>(bytes)) == 0);
-    if (seals != 0) REQUIRE(::fcntl(made.get(), F_ADD_SEALS, seals) == 0);
-    return made;
-}
 
 struct reader {
     std::shared_ptr<const mapping> rings =

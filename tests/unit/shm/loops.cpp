@@ -44,76 +44,70 @@ class eye final : public ise::component {
     }
 };
 
+// Runs `work` of one component against another one, each on a loop of its own. "all", or the text of an exception.
+template <class Provider, class Work>
+std::string run_against(ise::duration poll, Work work) {
+    ise::real_environment env;
+    ise::node_options how;
+    how.use_names = false;
+    how.log = {};
+    how.poll = poll;
+    ise::node node(env, how);
+    ise::component_options options;
+    options.listen = {ise::endpoint::parse(fmt::format("shm://@ise-unit-shm-loops-{}", ::getpid())).value()};
+    const auto at = node.start<Provider>("boat", options).services().listening().front();
+    std::promise<std::string> result;
+    node.start("shore", [&](ise::component& self) -> ise::task<> {
+        try {
+            auto boat = self.at(at);
+            auto working = work(self, std::move(boat));
+            co_await std::move(working);
+            result.set_value("all");
+        } catch (const std::exception& wrong) {
+            result.set_value(wrong.what());
+        }
+    });
+    auto got = result.get_future().get();
+    node.stop();
+    node.wait();
+    return got;
+}
+
 } // namespace
 
 TEST_CASE("large packets are whole while their publisher goes on in the same memory", "[shm]") {
     const bool lossless = GENERATE(true, false);
     CAPTURE(lossless);
-    ise::real_environment env;
-    ise::node_options how;
-    how.use_names = false;
-    how.log = {};
-    ise::node node(env, how);
-    ise::component_options options;
-    options.listen = {ise::endpoint::parse(fmt::format("shm://@ise-unit-shm-pictures-{}", ::getpid())).value()};
-    const auto at = node.start<eye>("boat", options).services().listening().front();
-    std::promise<std::string> result;
-    node.start("shore", [&](ise::component& self) -> ise::task<> {
-        try {
-            auto boat = self.at(at);
-            const auto policy = lossless ? ise::subscribe_options::lossless(20) : ise::subscribe_options::keep_latest();
-            auto pictures = co_await boat.subscribe(camera, policy);
-            for (int seen = 0; seen < 2000; ++seen) {
-                auto got = co_await pictures.next();
-                if (!got) throw ise::error(pictures.cause());
-                if (got->pixels.size() != 4'000 + got->number % 7 * 10'000) throw std::runtime_error("another size");
-                for (auto pixel : got->pixels)
-                    if (pixel != got->number) throw std::runtime_error("a pixel of another picture");
-                if (seen % 500 == 0) co_await self.sleep(2ms);
-            }
-            result.set_value("all");
-        } catch (const std::exception& wrong) {
-            result.set_value(wrong.what());
+    auto work = [&](ise::component& self, ise::remote boat) -> ise::task<> {
+        const auto policy = lossless ? ise::subscribe_options::lossless(20) : ise::subscribe_options::keep_latest();
+        auto pictures = co_await boat.subscribe(camera, policy);
+        for (int seen = 0; seen < 2000; ++seen) {
+            auto got = co_await pictures.next();
+            if (!got) throw ise::error(pictures.cause());
+            if (got->pixels.size() != 4'000 + got->number % 7 * 10'000) throw std::runtime_error("another size");
+            for (auto pixel : got->pixels)
+                if (pixel != got->number) throw std::runtime_error("a pixel of another picture");
+            if (seen % 500 == 0) co_await self.sleep(2ms);
         }
-    });
-    REQUIRE(result.get_future().get() == "all");
-    node.stop();
-    node.wait();
+    };
+    REQUIRE(run_against<eye>({}, work) == "all");
 }
 
 TEST_CASE("many calls, small and big, pass between two loops of ISE's own", "[shm]") {
     const bool polls = GENERATE(false, true);
     CAPTURE(polls);
-    ise::real_environment env;
-    ise::node_options how;
-    how.use_names = false;
-    how.log = {};
-    if (polls) how.poll = 200us;
-    ise::node node(env, how);
-    ise::component_options options;
-    options.listen = {ise::endpoint::parse(fmt::format("shm://@ise-unit-shm-loops-{}", ::getpid())).value()};
-    const auto at = node.start<mirror>("boat", options).services().listening().front();
-    std::promise<std::string> result;
-    node.start("shore", [&](ise::component& self) -> ise::task<> {
-        try {
-            auto boat = self.at(at);
-            for (std::size_t round = 0; round < 3000; ++round) {
-                blob sent;
-                sent.content.assign(round % 500 == 499 ? 3'000'000 : round, static_cast<std::uint8_t>(round));
-                auto size = sent.content.size();
-                auto got = co_await boat.call(echo, std::move(sent), 30s);
-                if (got.content.size() != size) throw std::runtime_error("another size");
-                // Both sleep in between, and wake each other.
-                if (round % 300 == 0) co_await self.sleep(2ms);
-            }
-            result.set_value("all");
-        } catch (const std::exception& wrong) {
-            result.set_value(wrong.what());
+    auto work = [](ise::component& self, ise::remote boat) -> ise::task<> {
+        for (std::size_t round = 0; round < 3000; ++round) {
+            blob sent;
+            sent.content.assign(round % 500 == 499 ? 3'000'000 : round, static_cast<std::uint8_t>(round));
+            auto size = sent.content.size();
+            auto got = co_await boat.call(echo, std::move(sent), 30s);
+            if (got.content.size() != size) throw std::runtime_error("another size");
+            // Both sleep in between, and wake each other.
+            if (round % 300 == 0) co_await self.sleep(2ms);
         }
-    });
-    REQUIRE(result.get_future().get() == "all");
-    node.stop();
-    node.wait();
+    };
+    REQUIRE(run_against<mirror>(polls ? ise::duration(200us) : ise::duration(), work) == "all");
 }
 
 } // namespace shm_loops_test

@@ -1,20 +1,52 @@
 #pragma once
+#include <ise/transport/shm/memory.hpp>
+
 #include <support/catch.hpp>
 
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <string_view>
 #include <vector>
 
+#include <fcntl.h>
 #include <linux/filter.h>
 #include <linux/seccomp.h>
 #include <signal.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
-/// Children that the system refuses something.
+/// What the tests of shared memory see of the system, and children to which it refuses something.
 namespace shm_test {
+
+using shm_fd = ise::real::owned_fd;
+
+constexpr std::uint32_t ring_bytes = ise::net::shm::min_ring_bytes;
+
+// Mappings of ISE's shared memory into this process: of the rings and blocks of all connections, or of one kind.
+inline int mappings(std::string_view kind = "memfd:ise-") {
+    std::ifstream maps("/proc/self/maps");
+    int count = 0;
+    for (std::string line; std::getline(maps, line);) count += line.find(kind) != line.npos;
+    return count;
+}
+inline long open_descriptors() {
+    return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), std::filesystem::directory_iterator());
+}
+
+// Memory as a peer makes it.
+inline shm_fd memory_of(std::size_t bytes, int seals = ise::net::shm::demanded_seals) {
+    shm_fd made(::memfd_create("ise-stranger", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+    REQUIRE(::ftruncate(made.get(), static_cast<off_t>(bytes)) == 0);
+    if (seals != 0) REQUIRE(::fcntl(made.get(), F_ADD_SEALS, seals) == 0);
+    return made;
+}
 
 // In a child, whose exit code is returned; the parties of this process go on meanwhile.
 template <class Work>
