@@ -120,10 +120,10 @@ bool loop::before(const timer& a, const timer& b) noexcept {
 }
 
 void loop::insert(timer& entry) {
+    heap_.push_back(&entry); // may throw
     entry.listed_at_ = entry.at_;
     entry.listed_order_ = entry.order_;
-    entry.slot_ = heap_.size();
-    heap_.push_back(&entry);
+    entry.slot_ = heap_.size() - 1;
     sift_up(entry.slot_);
     wake_for_first();
 }

@@ -75,9 +75,9 @@ void task_scope::member::leave() noexcept {
 
 bool task_scope::add(std::shared_ptr<member> what) {
     if (stopping_) return false;
-    what->scope_ = this;
-    what->place_ = members_.size();
-    members_.push_back(std::move(what));
+    auto& added = *members_.emplace_back(std::move(what)); // may throw
+    added.scope_ = this;
+    added.place_ = members_.size() - 1;
     return true;
 }
 
@@ -88,8 +88,8 @@ async_stack* task_scope::spawn(std::string name, task<> body) {
 async_stack* task_scope::spawn(std::string name, task<> body, const asio::any_io_executor& executor) {
     if (stopping_) return nullptr;
     auto* made = new child(std::move(name), std::move(body), executor);
-    add(std::shared_ptr<member>(std::shared_ptr<void>(), made));
     suspended_stack first(*made);
+    add(std::shared_ptr<member>(std::shared_ptr<void>(), made));
     if (!loop_.running_here()) {
         asio::post(executor, [first = std::move(first)]() mutable { first.resume(); });
         return made;

@@ -106,7 +106,7 @@ bool descriptor::receive() {
 // From here on epoll reports its events again, the first at once if there is something to read.
 void descriptor::on_received_all() {
     if (!own_) return; // closed
-    if (auto problem = waits_to_write_ ? own_->change(*this, true) : own_->add(*this)) on_receive_failure(problem);
+    if (auto problem = waits_to_write_ ? own_->change(*this, true) : own_->add(*this)) on_unwatched(problem);
 }
 
 [[gnu::hot]] void descriptor::on_events(ready what) {

@@ -111,6 +111,8 @@ protected:
     virtual void on_received([[maybe_unused]] const received& what) {}
     /// The same: an error, or the end of a stream. The loop does not receive for it any more.
     virtual void on_receive_failure([[maybe_unused]] const std::error_code& problem) {}
+    /// The same, after `on_received_all`: it cannot be watched at present, so that no event comes.
+    virtual void on_unwatched(const std::error_code& problem) { on_receive_failure(problem); }
     /// The loop does not receive for it any more, and reports events from here on.
     void on_received_all();
 

@@ -101,7 +101,7 @@ void socket_stream::on_receive_failure(const std::error_code& problem) { deliver
     auto got = passed_ ? receive_passed(fd(), into, *passed_) : receive_bytes(fd(), into);
     if (got.problem) [[unlikely]] {
         if (got.problem == asio::error::would_block) found_nothing();
-    } else if (got.bytes < into.size()) {
+    } else if (got.bytes < into.size() && !passed_) { // such a read stops behind each descriptor
         found_less();
     }
     return got;

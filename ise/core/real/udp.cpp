@@ -92,6 +92,13 @@ private:
         deliver_to_->on_problem(problem);
         on_received_all();
     }
+    // Of a listener: its peers may come back when others have left room.
+    void on_unwatched(const std::error_code& problem) override {
+        deliver_to_->on_problem(problem);
+        if (!fd_open()) return;
+        if (!watch_again_) watch_again_ = std::make_unique<timer>(on(), [this] { on_received_all(); });
+        watch_again_->arm(on().now() + std::chrono::milliseconds(100));
+    }
 
     void deliver() {
         unsigned count = 0;
@@ -189,6 +196,7 @@ private:
     std::mutex sending_; // signs of life are sent from another thread
     peer went_to_;
     std::shared_ptr<lookup> lookup_;
+    std::unique_ptr<timer> watch_again_;
     waiter<outcome> receiver_;
 };
 

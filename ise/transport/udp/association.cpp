@@ -78,8 +78,9 @@ void association::send_flight() {
     rearm();
 }
 
+// A peer that has sent sealed data has got the last flight, too: what comes after that is late, or a stranger's.
 void association::on_flight(const endpoint& from, bytes_view body) {
-    if (from != peer_ || plain_ || gone_) return;
+    if (from != peer_ || plain_ || gone_ || (calls_ && heard_)) return;
     if (!seal_) { // it is asked for a seal that it does not know: the answer is one flight
         const bool first = body.size() > 2 && body[0] == std::byte{1} && body[1] == std::byte{0};
         if (calls_ || heard_ || !first) return;
@@ -251,7 +252,7 @@ void association::send_probe(const endpoint& to, wire::chunk_type type, std::uin
     if (at == time_point::max()) {
         timer_.disarm();
     } else {
-        timer_.arm(at);
+        timer_.arm(std::max(at, on_.now()));
     }
 }
 

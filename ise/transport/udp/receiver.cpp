@@ -11,6 +11,8 @@ namespace {
 
 // Gaps that are remembered; a network that makes more gets some things twice.
 constexpr std::size_t max_gaps = 64;
+// A gap that lies so far back is not told any more: what was lost there was sent again long ago.
+constexpr std::uint64_t told_back = 256;
 constexpr std::size_t max_stream_gaps = 256;
 constexpr std::size_t max_finished = 256;
 constexpr std::size_t runs_alone = 32, runs_beside = 6;
@@ -20,19 +22,19 @@ constexpr std::size_t runs_alone = 32, runs_beside = 6;
 [[gnu::hot]] void receiver::note(std::uint64_t number, bool wants_ack, time_point now) {
     bool in_order = came_.empty() ? number == 0 : number == largest_ + 1;
     came_.add(number, number + 1);
-    while (came_.intervals() > max_gaps) {
-        floor_ = came_.all().begin()->second;
-        came_.drop_first();
-    }
     if (number >= largest_) {
         largest_ = number;
         largest_at_ = now;
     }
+    while (came_.intervals() > max_gaps ||
+           (came_.intervals() > 1 && came_.all().front().second + told_back < largest_)) {
+        floor_ = came_.all().front().second;
+        came_.drop_first();
+    }
     if (!wants_ack) return;
     ++pending_acks_;
-    // Every second one at once, and what shows a gap.
-    ack_at_ = pending_acks_ >= 2 || !in_order || came_.intervals() > 1 ? time_point::min()
-                                                                       : std::min(ack_at_, now + ack_delay);
+    // Every second one at once, and what shows a gap or comes late.
+    ack_at_ = pending_acks_ >= 2 || !in_order ? time_point::min() : std::min(ack_at_, now + ack_delay);
 }
 
 void receiver::put_ack(wire::data_writer& out, bool alone, time_point now) {

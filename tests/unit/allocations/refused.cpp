@@ -2,11 +2,19 @@
 #include "counting.hpp"
 
 #include <ise/call/reply_cache.hpp>
+#include <ise/core/real/environment.hpp>
+#include <ise/core/sleep.hpp>
+#include <ise/core/task_scope.hpp>
 #include <ise/service/session.hpp>
 #include <ise/wire/pieces.hpp>
 #include <support/catch.hpp>
 
+#include <asio/any_io_executor.hpp>
+#include <asio/io_context.hpp>
+
+#include <memory>
 #include <new>
+#include <vector>
 
 namespace refused_test {
 
@@ -45,6 +53,41 @@ TEST_CASE("a reply window that any allocation was refused goes on, and nothing o
         window.forget_answers();
         REQUIRE(window.replies() == 0);
         REQUIRE(window.reply_bytes() == 0);
+        if (!refused) break;
+    }
+}
+
+namespace {
+
+ise::task<> wait_long(ise::loop& on) { co_await ise::sleep_for(on, 1h); }
+
+} // namespace
+
+TEST_CASE("a loop and its coroutines go on after any allocation was refused") {
+    for (std::int64_t n = 0;; ++n) {
+        CAPTURE(n);
+        ise::real_environment env;
+        asio::io_context io;
+        auto host = env.adopt(asio::any_io_executor(io.get_executor()), true);
+        auto& on = host->loop();
+        ise::task_scope scope(on, [](const std::string&, std::exception_ptr) {});
+        bool refused = false;
+        {
+            std::vector<std::unique_ptr<ise::timer>> timers;
+            for (int at = 0; at < 20; ++at) timers.push_back(std::make_unique<ise::timer>(on, [] {}));
+            refuse_allocation_after(n);
+            try {
+                for (auto& one : timers) one->arm(on.now() + 1h);
+                for (int started = 0; started < 20; ++started) scope.spawn("waits", wait_long(on));
+            } catch (const std::bad_alloc&) {
+                refused = true;
+            }
+            refuse_no_allocation();
+        }
+        scope.stop();
+        for (int round = 0; round < 1000 && scope.size() > 0; ++round) io.poll_one();
+        CHECK(scope.size() == 0);
+        host->end();
         if (!refused) break;
     }
 }

@@ -70,6 +70,22 @@ TEST_CASE("pseudo-terminal: what is opened as a serial port carries every byte b
     CHECK(carry(room, **port, *made->far_end, all) == all);
 }
 
+TEST_CASE("pseudo-terminal: programs that are started do not get the port") {
+    terminal_room room;
+    auto made = room.env.open_pseudo_terminal(room.host->loop(), room.link());
+    REQUIRE(made);
+    auto port = room.env.open_serial(room.host->loop(), device(room.link()));
+    REQUIRE(port);
+    int inherited = 0;
+    for (const auto& one : std::filesystem::directory_iterator("/proc/self/fd")) {
+        std::error_code gone;
+        if (!std::filesystem::read_symlink(one, gone).string().starts_with("/dev/pts/")) continue;
+        const int fd = std::stoi(one.path().filename().string());
+        if (fd > 2) inherited += (::fcntl(fd, F_GETFD) & FD_CLOEXEC) == 0;
+    }
+    CHECK(inherited == 0);
+}
+
 TEST_CASE("pseudo-terminal: its link goes with it, and the port's reader learns that it is gone") {
     terminal_room room;
     auto made = room.env.open_pseudo_terminal(room.host->loop(), room.link());

@@ -8,7 +8,16 @@
 #include <asio/ip/tcp.hpp>
 #include <asio/steady_timer.hpp>
 
+#include <ise/core/real/descriptor.hpp>
+
+#include <fmt/format.h>
+
 #include <atomic>
+#include <filesystem>
+#include <fstream>
+
+#include <sys/socket.h>
+#include <sys/un.h>
 
 namespace sockets_test {
 
@@ -214,6 +223,61 @@ TEST_CASE("loops: objects of Asio on a loop of ISE's own complete on its thread"
     CHECK(at.run(waits(loop)));
     at.host->end();
     CHECK(held.use_count() == 1);
+}
+
+TEST_CASE("loops: a timer that was due long ago fires, and others go on") {
+    for (bool own : {true, false}) {
+        place at(own);
+        auto& on = at.host->loop();
+        std::promise<void> fired, next_fired;
+        std::optional<ise::timer> due, next;
+        at.in_turn([&] {
+            next.emplace(on, [&] { next_fired.set_value(); });
+            due.emplace(on, [&] {
+                fired.set_value();
+                next->arm(on.now() + 1ms);
+            });
+            due->arm(ise::time_point::min());
+        });
+        CHECK(fired.get_future().wait_for(10s) == std::future_status::ready);
+        CHECK(next_fired.get_future().wait_for(10s) == std::future_status::ready);
+        at.in_turn([&] {
+            due.reset();
+            next.reset();
+        });
+    }
+}
+
+TEST_CASE("sockets: the file of a dead program's socket is replaced, any other file is not") {
+    const auto path = std::filesystem::temp_directory_path() / fmt::format("ise-unit-file-{}", ::getpid());
+    const auto where = ise::endpoint::parse("local://" + path.string()).value();
+    place at(true);
+    const auto listen = [&] {
+        std::unique_ptr<ise::listener> made;
+        ise::result<void> outcome;
+        at.in_turn([&] {
+            auto got = at.env.listen(at.host->loop(), where);
+            if (got) made = std::move(*got);
+            else outcome = got.error();
+        });
+        at.in_turn([&] { made.reset(); });
+        return outcome;
+    };
+    std::ofstream(path) << "all that I have";
+    const auto refused = listen();
+    REQUIRE_FALSE(refused);
+    CHECK(refused.error().message().find("not a socket") != std::string::npos);
+    CHECK(std::filesystem::file_size(path) == 15);
+    std::filesystem::remove(path);
+    {
+        ise::real::owned_fd dead(::socket(AF_UNIX, SOCK_STREAM, 0));
+        sockaddr_un name{};
+        name.sun_family = AF_UNIX;
+        path.string().copy(name.sun_path, sizeof name.sun_path - 1);
+        REQUIRE(::bind(dead.get(), reinterpret_cast<sockaddr*>(&name), sizeof name) == 0);
+    }
+    CHECK(listen());
+    CHECK_FALSE(std::filesystem::exists(path));
 }
 
 TEST_CASE("loops: what other threads post runs once, or is dropped by a loop that ends") {

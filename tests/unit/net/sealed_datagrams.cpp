@@ -360,6 +360,29 @@ TEST_CASE("sealed udp: datagrams that are changed, repeated, or of the plain kin
     socket->close();
 }
 
+TEST_CASE("sealed udp: a flight that is repeated in the middle of a session is not answered") {
+    strait all;
+    ise::bytes flight;
+    all.between->on_answer = [&](ise::buffer& datagram) {
+        if (type_of(datagram) == ise::wire::sealed::flight) flight = datagram.to_bytes();
+    };
+    REQUIRE(all.call("before"));
+    REQUIRE_FALSE(flight.empty());
+    int repeated = 0, answered = 0;
+    all.between->on_answer = [&](ise::buffer& datagram) {
+        if (repeated++ > 0) return;
+        datagram.clear();
+        datagram.append(flight);
+    };
+    all.between->on_question = [&](ise::buffer& datagram) {
+        answered += type_of(datagram) == ise::wire::sealed::flight;
+    };
+    CHECK(all.call("after"));
+    CHECK(repeated > 0);
+    CHECK(answered == 0);
+    all.between->on_question = all.between->on_answer = {};
+}
+
 TEST_CASE("sealed udp: what is lost of the handshake is said again") {
     strait all;
     int flights = 0;

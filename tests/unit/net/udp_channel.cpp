@@ -230,6 +230,41 @@ TEST_CASE("a datagram that came counts once") {
     CHECK(pair.b.channel.ignored() == 1);
 }
 
+TEST_CASE("after losses, acks are soon as few and as short as before") {
+    ise::net::udp::receiver in;
+    const ise::time_point now{100s};
+    struct acks {
+        int count = 0;
+        std::size_t size = 0; // of the last one
+    };
+    const auto receive = [&](std::uint64_t first, std::uint64_t end) {
+        acks sent;
+        for (auto number = first; number < end; ++number) {
+            in.note(number, true, now);
+            if (!in.ack_due(now)) continue;
+            ise::buffer out;
+            ise::wire::data_writer writer(out, 1, number);
+            in.put_ack(writer, true, now);
+            writer.finish();
+            ++sent.count;
+            sent.size = out.size();
+        }
+        return sent;
+    };
+    const auto before = receive(0, 1000);
+    CHECK(before.count == 500);
+    std::uint64_t number = 1000;
+    for (int loss = 0; loss < 20; ++loss, number += 21) {
+        const auto sent = receive(number + 1, number + 21);
+        CHECK(sent.count <= 11); // the gap at once
+        CHECK(sent.size > before.size);
+    }
+    receive(number, number + 300);
+    const auto after = receive(number + 300, number + 1300);
+    CHECK(after.count == 500);
+    CHECK(after.size == before.size);
+}
+
 TEST_CASE("what breaks a rule is as if it had not come") {
     using ise::wire::chunk_type;
     channel_pair pair;

@@ -33,7 +33,8 @@ class epoll_loop::next_alarm final : public alarm {
 public:
     explicit next_alarm(epoll_loop& owner) noexcept : owner_(owner) {}
     void arm(time_point at) override {
-        const auto left = std::max<std::int64_t>(1, (at - owner_.world_.now()).count()); // 0 would disarm it
+        const auto now = owner_.world_.now();
+        const auto left = at > now ? (at - now).count() : std::int64_t{1}; // 0 would disarm it
         const auto seconds =
             std::min<std::int64_t>(left / 1'000'000'000, std::numeric_limits<decltype(timespec::tv_sec)>::max());
         const itimerspec once{{0, 0},

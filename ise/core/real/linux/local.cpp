@@ -60,6 +60,12 @@ private:
     ino_t file_;
 };
 
+// Whether there is a file that is no socket.
+bool is_other_file(const std::string& path) {
+    struct stat found {};
+    return ::lstat(path.c_str(), &found) == 0 && !S_ISSOCK(found.st_mode);
+}
+
 // A socket's file outlives a killed process: one at which nobody listens any more may be replaced.
 bool nobody_listens(const local::endpoint& at) {
     auto probe = new_socket(AF_UNIX, SOCK_STREAM);
@@ -98,6 +104,9 @@ result<std::unique_ptr<listener>> listen_local(loop& on, const endpoint& at) {
     bool bound = bind_to(socket, address);
     if (!bound) {
         problem = last_system_error();
+        if (problem.value() == EADDRINUSE && file && is_other_file(at.path)) // a refused connection does not say so
+            return failure(errc::io_failed,
+                           fmt::format("cannot listen on {}: there is a file that is not a socket", at.text()));
         if (problem.value() != EADDRINUSE || !file || !nobody_listens(address)) return refuse();
         ::unlink(at.path.c_str());
         bound = bind_to(socket, address);

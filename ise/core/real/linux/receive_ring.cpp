@@ -211,8 +211,20 @@ void receive_ring::forget(descriptor& who) noexcept {
     const auto at = std::exchange(who.receive_slot_, descriptor::no_slot);
     if (at == descriptor::no_slot) return;
     slots_[at].of = nullptr;
+    withdraw(tag_of(at));
     cancel(tag_of(at));
     enter(0);
+}
+
+// A request that the system has not taken yet, for want of memory, names a descriptor that may be another's by then.
+void receive_ring::withdraw(std::uint64_t tag) noexcept {
+    for (auto at = load(submit_head_); at != *submit_tail_; ++at) {
+        auto& request = requests_.at<io_uring_sqe>()[at & submit_mask_];
+        if (request.user_data != tag) continue;
+        std::memset(&request, 0, sizeof request);
+        request.opcode = IORING_OP_NOP;
+        request.user_data = tag; // its completion frees the slot
+    }
 }
 
 [[gnu::hot]] bool receive_ring::wait(bool sleeps) noexcept {

@@ -87,6 +87,7 @@ private:
     void leave(std::uint32_t at) noexcept;
     void leave_all() noexcept;
     void cancel(std::uint64_t tag) noexcept;
+    void withdraw(std::uint64_t tag) noexcept;
     void give_back(std::uint16_t buffer) noexcept;
     std::uint64_t tag_of(std::uint32_t at) const noexcept;
     descriptor::received message_in(const completion& came, const descriptor& to) const noexcept;

@@ -40,7 +40,13 @@ result<std::unique_ptr<stream>> open_serial(loop& on, const serial_options& opti
     ::tcflush(opened.native_handle(), TCIOFLUSH); // what came while nobody listened is old
 
     // An asio::serial_port can be read but not awaited for writability: the descriptor itself can.
-    asio::posix::stream_descriptor descriptor(on.get_executor(), ::dup(opened.native_handle()));
+    owned_fd own(::fcntl(opened.native_handle(), F_DUPFD_CLOEXEC, 0));
+    if (!own) {
+        problem = last_system_error();
+        return refuse();
+    }
+    asio::posix::stream_descriptor descriptor(on.get_executor(), own.get());
+    own.release();
     return std::unique_ptr<stream>(
         std::make_unique<descriptor_stream<asio::posix::stream_descriptor>>(std::move(descriptor), options.device));
 }
