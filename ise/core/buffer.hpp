@@ -10,7 +10,7 @@
 
 namespace ise {
 
-/// Where a buffer takes large memory from, in place of the heap. Used on one loop; outlives its buffers.
+/// Where a buffer takes large memory from, in place of the heap. Used on one loop; lives as long as a buffer with it.
 class large_memory_source {
 public:
     /// Smaller memory comes from the heap.
@@ -19,6 +19,8 @@ public:
     virtual std::span<std::byte> take(std::size_t least) = 0;
     /// Returns memory. False: it is not from this source.
     virtual bool give_back(const std::byte* at) noexcept = 0;
+    virtual void add_buffer() noexcept = 0;
+    virtual void remove_buffer() noexcept = 0; ///< may be its end
 
 protected:
     ~large_memory_source() = default;
@@ -31,10 +33,14 @@ class buffer {
 public:
     buffer() = default;
     /// `large`: the source of its large memory; null: the heap.
-    explicit buffer(std::size_t capacity, large_memory_source* large = nullptr) : large_(large) { reserve(capacity); }
+    explicit buffer(std::size_t capacity, large_memory_source* large = nullptr) : buffer() {
+        if (large) large->add_buffer();
+        large_ = large;
+        reserve(capacity);
+    }
     buffer(buffer&& other) noexcept
         : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)),
-          capacity_(std::exchange(other.capacity_, 0)), large_(other.large_) {}
+          capacity_(std::exchange(other.capacity_, 0)), large_(std::exchange(other.large_, nullptr)) {}
     buffer& operator=(buffer&& other) noexcept {
         std::swap(data_, other.data_);
         std::swap(size_, other.size_);
@@ -44,6 +50,7 @@ public:
     }
     ~buffer() {
         if (data_) free();
+        if (large_) large_->remove_buffer();
     }
 
     const std::byte* data() const noexcept { return data_; }

@@ -39,17 +39,17 @@ shared_bytes shared_bytes_maker::share() {
     const auto size = room_.size();
     if (size > small_bytes) {
         last_big_ = size;
-        return shared_bytes(std::exchange(room_, buffer(0, large_)));
+        return shared_bytes(std::exchange(room_, buffer(0, room_.large_memory())));
     }
-    last_big_ = 0;
     auto made = make(size);
     if (size > 0) std::memcpy(open(made), room_.data(), size);
+    drop_small();
     return made;
 }
 
 shared_bytes shared_bytes_maker::make(std::size_t size) {
     if (size > small_bytes) {
-        buffer own(size, large_);
+        buffer own(size, room_.large_memory());
         own.grow(size);
         return shared_bytes(std::move(own));
     }

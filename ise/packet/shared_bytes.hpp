@@ -87,7 +87,9 @@ private:
 class shared_bytes_maker {
 public:
     /// From now on large contents are made in memory of `large`, as long as it has some.
-    void use(large_memory_source* large) noexcept { large_ = large; }
+    void use(large_memory_source& large) {
+        if (room_.large_memory() != &large) room_ = buffer(0, &large);
+    }
 
     /// What is not longer than this lies in a chunk.
     static constexpr std::size_t small_bytes = 4 * 1024;
@@ -95,13 +97,15 @@ public:
     /// An empty buffer to encode into; valid until `share()`.
     buffer& room() {
         room_.clear();
-        if (room_.large_memory() != large_) [[unlikely]]
-            room_ = buffer(0, large_);
         if (last_big_ > room_.capacity()) room_.reserve(last_big_); // the next is likely as big
         return room_;
     }
     /// What is in the room, as shared bytes.
     shared_bytes share();
+    /// What is in the room was small and is not needed any more.
+    void drop_small() {
+        if (std::exchange(last_big_, 0) != 0) room_ = buffer(0, room_.large_memory());
+    }
     /// So many bytes, uninitialized: `open()` and write every one of them.
     shared_bytes make(std::size_t size);
     /// The memory right behind `newest`, if that was made last; else none.
@@ -123,8 +127,7 @@ private:
         return chunk_.block_ && chunk_.block_->content.capacity() - chunk_.block_->content.size() >= size;
     }
 
-    buffer room_;
-    large_memory_source* large_ = nullptr;
+    buffer room_;             // knows where large contents are made
     shared_bytes chunk_;      // holds the chunk itself
     ring<shared_bytes> used_; // those before it, oldest first
     std::size_t chunk_bytes_ = 512;

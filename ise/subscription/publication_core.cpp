@@ -87,7 +87,10 @@ void publication_core::record_publication(trace_id& trace) const {
     const auto head = packet_frame::head_size(trace);
     room.grow(head);
     write_packet(room);
-    if (room.size() <= shared_bytes_maker::small_bytes) return publish(trace, room.view().subspan(head));
+    if (room.size() <= shared_bytes_maker::small_bytes) {
+        publish(trace, room.view().subspan(head));
+        return maker_.drop_small();
+    }
     if (room.size() > max_frame_bytes) throw_too_large(room.size());
     publish({maker_.share(), trace});
 }
@@ -141,7 +144,17 @@ void publication_core::end_run() noexcept {
     last_->trace = {};
 }
 
-[[gnu::hot]] void publication_core::publish(published_packet&& packet, const choice* wants) {
+// The predicate is asked before anything of the packet counts: it may publish, end subscribers and throw.
+void publication_core::publish_to(published_packet packet, choice wants) {
+    std::vector<subscriber_info> asked;
+    for (const auto& who : all_) asked.push_back(who.info());
+    std::vector<std::uint64_t> chosen;
+    for (const auto& who : asked)
+        if (wants(who)) chosen.push_back(who.number);
+    publish(std::move(packet), &chosen);
+}
+
+[[gnu::hot]] void publication_core::publish(published_packet&& packet, const std::vector<std::uint64_t>* chosen) {
     settle();
     packet.sequence = sequence_ + 1;
     packet.published_at = runtime().publication_time();
@@ -157,12 +170,10 @@ void publication_core::end_run() noexcept {
     ++runtime().counts().packets_published;
     bool too_slow = false;
     for (auto& who : all_) {
-        const bool wanted = !wants || (*wants)(who.info());
-        if (wants) settle(); // it may have published
-        if (!wanted) who.pass();
+        if (chosen && !std::ranges::binary_search(*chosen, who.info().number)) who.pass();
         else if (!who.offer(packet)) too_slow = true;
     }
-    if (wants) {
+    if (chosen) {
         selective_ = true;
     } else {
         last_ = std::move(packet);
@@ -304,7 +315,7 @@ result<remote_subscriber*> publication_core::resume(remote_subscriber& who, cons
     answer.first_sequence = wanted.next_sequence;
     answer.resumed = true;
     // The latest packet may have been under way when the session ended, and none may follow for long.
-    bool missed = wanted.next_sequence <= sequence_ && who.queued() == 0;
+    const bool missed = last_ && wanted.next_sequence <= last_->sequence && who.queued() == 0;
     if (terms.last_value && missed)
         if (auto last = last_packet(takes_objects)) who.offer(*last);
     return &who;

@@ -47,14 +47,15 @@ public:
     /// A packet that is shared as it is.
     published_packet encoded(const trace_id& trace, shared_packet packet) { return {std::move(packet), trace}; }
     using choice = function_ref<bool(const subscriber_info&)>;
-    /// Publishes to all subscribers; never blocks. With `wants`: only to those that it names; for the others it is
-    /// skipped, which is no loss, and it is no last value.
-    void publish(published_packet&& packet, const choice* wants = nullptr);
+    /// Publishes to all subscribers; never blocks. With `chosen`: only to those with these numbers, which ascend; for
+    /// the others it is skipped, which is no loss, and it is no last value.
+    void publish(published_packet&& packet, const std::vector<std::uint64_t>* chosen = nullptr);
     /// The same for what `encoded` takes, to all.
     void publish(const trace_id& trace, function_ref<void(buffer&)> write_packet);
     void publish(const trace_id& trace, bytes_view packet);
     void publish(const trace_id& trace, shared_packet packet) { publish(encoded(trace, std::move(packet))); }
-    void publish_to(published_packet packet, choice wants) { publish(std::move(packet), &wants); }
+    /// To those for which `wants` returns true.
+    void publish_to(published_packet packet, choice wants);
     /// Whether every lossless subscriber that is connected has room for one more packet.
     bool has_room() noexcept { return run_.packets_left > 0 || lossless == 0 || each_has_room(); }
     /// Waits until it has, or a subscriber has been silent for too long. Cancellation: terminal.
@@ -96,7 +97,7 @@ public:
     // For its subscribers.
     shared_bytes frame_of(const shared_packet& object, std::uint64_t sequence, wall_time published_at,
                           const trace_id& trace) override;
-    void use(large_memory_source& memory) noexcept override { maker_.use(&memory); }
+    void use(large_memory_source& memory) noexcept override { maker_.use(memory); }
     void room_made() override;
     void began_to_linger(remote_subscriber& who) override;
     void stopped_lingering(remote_subscriber& who) noexcept override { std::erase(lingering_, &who); }

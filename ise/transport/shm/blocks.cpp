@@ -31,6 +31,8 @@ std::unique_ptr<block> make_block(std::size_t size) {
     if (!memory || is_late(*memory)) return nullptr;
     made->memory = std::move(*memory);
     const int fd = made->memory.get();
+    // Reserved: without memory left, writing to it would end the process.
+    if (::fallocate(fd, 0, 0, static_cast<off_t>(size)) != 0) return nullptr;
     auto* at = ::mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0); // NOLINT
     if (at == MAP_FAILED) return nullptr;
     made->begin = static_cast<std::byte*>(at);
@@ -75,7 +77,6 @@ std::span<std::byte> block_pool::take(std::size_t least) {
     if (!found) found = make(least);
     if (!found) return {};
     found->taken = found->used = true;
-    if (taken_++ == 0) self_ = weak_from_this().lock();
     return {found->begin, found->size};
 }
 
@@ -85,8 +86,15 @@ bool block_pool::give_back(const std::byte* at) noexcept {
     std::rotate(found, found + 1, blocks_.end());
     blocks_.back()->taken = false;
     if (blocks_.back()->retired) free_one(blocks_.size() - 1);
-    if (--taken_ == 0) auto perhaps_the_last = std::move(self_);
     return true;
+}
+
+void block_pool::add_buffer() noexcept {
+    if (buffers_++ == 0) self_ = weak_from_this().lock();
+}
+
+void block_pool::remove_buffer() noexcept {
+    if (--buffers_ == 0) auto perhaps_the_last = std::move(self_);
 }
 
 block* block_pool::find(const std::byte* at) const noexcept {
@@ -97,6 +105,7 @@ block* block_pool::find(const std::byte* at) const noexcept {
 
 // Frees those that are not in use, and were not since the last time.
 void block_pool::look() {
+    for (auto* user : users_) user->collect(); // what was returned since the last packet
     for (std::size_t place = blocks_.size(); place-- > 0;) {
         auto& one = *blocks_[place];
         if (!std::exchange(one.used, one.taken) && !one.taken) free_one(place);

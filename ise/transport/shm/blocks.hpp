@@ -41,7 +41,7 @@ protected:
 };
 
 /// The blocks of one loop. They are made when they are needed, up to `max_blocks` and a share of the machine's memory,
-/// and freed after some seconds without use. The pool outlives the loop as long as a buffer has a block.
+/// and freed after some seconds without use. The pool outlives the loop as long as there is a buffer with it.
 class block_pool final : public large_memory_source, public std::enable_shared_from_this<block_pool> {
 public:
     static constexpr std::size_t max_blocks = 64;
@@ -56,6 +56,8 @@ public:
 
     std::span<std::byte> take(std::size_t least) override;
     bool give_back(const std::byte* at) noexcept override;
+    void add_buffer() noexcept override;
+    void remove_buffer() noexcept override;
 
     /// The block that contains this address; null: none does.
     block* find(const std::byte* at) const noexcept;
@@ -74,8 +76,8 @@ private:
     loop& on_;
     std::unique_ptr<timer> look_; // as long as the loop lives
     std::size_t bytes_ = 0;
-    std::size_t taken_ = 0;
-    std::shared_ptr<block_pool> self_; // while blocks are taken
+    std::size_t buffers_ = 0;
+    std::shared_ptr<block_pool> self_; // while there are buffers
 };
 
 } // namespace ise::net::shm

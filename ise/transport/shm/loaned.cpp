@@ -105,14 +105,25 @@ bool lender::notify(const slot& which, std::size_t size, std::span<const int> me
 // Memory of the peer, which the peer may write. It stays mapped as long as a loan of it is held.
 class borrower::peer_block {
 public:
-    peer_block(const std::byte* begin, std::size_t size, std::uint32_t slot, std::shared_ptr<const mapping> rings,
-               int ring) noexcept
-        : begin_(begin), size_(size), slot_(slot), rings_(std::move(rings)), ring_(ring) {}
+    peer_block(std::uint32_t slot, std::shared_ptr<const mapping> rings, int ring,
+               std::shared_ptr<std::atomic<std::size_t>> mapped_bytes) noexcept
+        : slot_(slot), rings_(std::move(rings)), ring_(ring), mapped_bytes_(std::move(mapped_bytes)) {}
     peer_block(const peer_block&) = delete;
     peer_block& operator=(const peer_block&) = delete;
-    ~peer_block() { ::munmap(const_cast<std::byte*>(begin_), size_); }
+    ~peer_block() {
+        if (!begin_) return;
+        ::munmap(const_cast<std::byte*>(begin_), size_);
+        *mapped_bytes_ -= size_;
+    }
 
-    std::size_t size() const noexcept { return size_; }
+    result<void> map(const owned_fd& memory, std::size_t size) {
+        auto mapped = map_to_read(memory, size);
+        if (!mapped) return mapped.error();
+        begin_ = *mapped;
+        size_ = size;
+        *mapped_bytes_ += size;
+        return {};
+    }
     bool has(const loan_reference& what) const noexcept {
         return what.offset <= size_ && what.size <= size_ - what.offset;
     }
@@ -122,11 +133,12 @@ public:
     }
 
 private:
-    const std::byte* begin_;
-    std::size_t size_;
+    const std::byte* begin_ = nullptr;
+    std::size_t size_ = 0;
     std::uint32_t slot_;
     std::shared_ptr<const mapping> rings_;
     int ring_;
+    std::shared_ptr<std::atomic<std::size_t>> mapped_bytes_;
 };
 
 namespace {
@@ -162,15 +174,13 @@ bool borrower::on_notice(bytes_view notice, std::span<owned_fd> passed) {
     const std::size_t size = detail::load_little<std::uint32_t>(notice.data() + 4);
     if (slot >= loan_slots || passed.size() > 1) return false;
     if (slot >= slots_.size()) slots_.resize(slot + 1);
-    if (const auto& old = slots_[slot]) mapped_bytes_ -= old->size();
     slots_[slot].reset();
     // A block that is not taken is not returned, and so never loaned.
-    if (size == 0 || passed.empty() || mapped_bytes_ + size > max_loaned_bytes) return true;
-    auto mapped = map_to_read(passed.front(), size);
-    if (!mapped) return mapped.error().code() != errc::protocol_error;
-    mapped_bytes_ += size;
-    slots_[slot] = std::make_shared<peer_block>(*mapped, size, slot, rings_, ring_);
-    slots_[slot]->give_back(); // it may be loaned
+    if (size == 0 || passed.empty() || *mapped_bytes_ + size > max_loaned_bytes) return true;
+    auto made = std::make_shared<peer_block>(slot, rings_, ring_, mapped_bytes_);
+    if (auto mapped = made->map(passed.front(), size); !mapped) return mapped.error().code() != errc::protocol_error;
+    made->give_back(); // it may be loaned
+    slots_[slot] = std::move(made);
     return true;
 }
 

@@ -4,6 +4,7 @@
 #include <ise/transport/shm/blocks.hpp>
 #include <ise/transport/shm/memory.hpp>
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -68,7 +69,8 @@ private:
 class borrower {
 public:
     /// `ring`: the one that this side reads.
-    borrower(std::shared_ptr<const mapping> rings, int ring) noexcept : rings_(std::move(rings)), ring_(ring) {}
+    borrower(std::shared_ptr<const mapping> rings, int ring)
+        : rings_(std::move(rings)), mapped_bytes_(std::make_shared<std::atomic<std::size_t>>(0)), ring_(ring) {}
 
     /// Takes a notice, with the descriptors that came with it. False: the peer breaks the rules.
     bool on_notice(bytes_view notice, std::span<owned_fd> passed);
@@ -79,8 +81,8 @@ public:
 
 private:
     std::shared_ptr<const mapping> rings_;
-    std::vector<std::shared_ptr<const peer_block>> slots_; // as many as were used
-    std::size_t mapped_bytes_ = 0;
+    std::vector<std::shared_ptr<const peer_block>> slots_;   // as many as were used
+    std::shared_ptr<std::atomic<std::size_t>> mapped_bytes_; // with those that were replaced while they are on loan
     int ring_;
 };
 

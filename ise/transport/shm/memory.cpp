@@ -134,6 +134,10 @@ ring_writer mapping::writer(int ring) const noexcept { return {state(ring), cont
 ring_reader mapping::reader(int ring) const noexcept { return {state(ring), content(ring), ring_bytes_}; }
 
 result<owned_fd> make_memory(const char* name, std::size_t bytes) {
+    rlimit files{};
+    if (::getrlimit(RLIMIT_FSIZE, &files) == 0 && bytes > files.rlim_cur) // beyond it a signal ends the process
+        return failure(errc::io_failed,
+                       fmt::format("no shared memory: files may have {} bytes at most (ulimit -f)", files.rlim_cur));
     owned_fd made(::memfd_create(name, MFD_CLOEXEC | MFD_ALLOW_SEALING));
     if (!made) return system_refused("memfd_create");
     if (::ftruncate(made.get(), static_cast<off_t>(bytes)) != 0) return system_refused("ftruncate");

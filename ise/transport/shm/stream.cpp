@@ -299,10 +299,10 @@ void shared_stream::close() {
     if (std::exchange(closed_, true)) return;
     on_.forget(*this);
     look_again_.disarm();
+    lender_.reset(); // still sends notices
     socket_.close();
     own_bell_.close();
     peer_bell_.reset();
-    lender_.reset();
     borrower_.reset();
     memory_.reset();
     bytes_.resume({asio::error::operation_aborted, 0});

@@ -2,6 +2,8 @@
 
 #include <support/catch.hpp>
 
+#include <memory>
+#include <span>
 #include <vector>
 
 namespace shared_bytes_test {
@@ -45,6 +47,51 @@ TEST_CASE("shared bytes outlive the one that made them") {
     }
     CHECK(holds(small, 10, 1));
     CHECK(holds(big, 10'000, 2));
+}
+
+namespace {
+
+// Counts what is taken from it.
+struct counted_memory final : ise::large_memory_source {
+    std::span<std::byte> take(std::size_t least) override {
+        taken.push_back(std::make_unique<ise::bytes>(least));
+        return *taken.back();
+    }
+    bool give_back(const std::byte* at) noexcept override {
+        return std::erase_if(taken, [at](const auto& one) { return one->data() == at; }) > 0;
+    }
+    void add_buffer() noexcept override { ++buffers; }
+    void remove_buffer() noexcept override { --buffers; }
+
+    std::vector<std::unique_ptr<ise::bytes>> taken;
+    int buffers = 0;
+};
+
+} // namespace
+
+TEST_CASE("a source of large memory is kept by its buffers, and what was large once keeps nothing of it") {
+    counted_memory memory;
+    {
+        ise::shared_bytes_maker maker;
+        maker.use(memory);
+        CHECK(memory.buffers > 0);
+        auto large = make(maker, 100'000, 1);
+        CHECK(memory.taken.size() == 1);
+        CHECK(holds(large, 100'000, 1));
+        large = {};
+        CHECK(memory.taken.empty());
+        SECTION("a small one is made behind it") { CHECK(holds(make(maker, 10, 2), 10, 2)); }
+        SECTION("a small one is encoded behind it, and copied elsewhere") {
+            maker.room().append(std::uint64_t{1});
+            CHECK(memory.taken.size() == 1); // as large as the last one
+            maker.drop_small();
+        }
+        CHECK(memory.taken.empty());
+        large = make(maker, 100'000, 3);
+        CHECK(memory.taken.size() == 1);
+    }
+    CHECK(memory.taken.empty());
+    CHECK(memory.buffers == 0);
 }
 
 TEST_CASE("a room that was begun and left is empty the next time") {

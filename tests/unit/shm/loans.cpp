@@ -5,6 +5,7 @@
 #include <ise/net/connect.hpp>
 #include <ise/net/connection.hpp>
 #include <ise/service/dynamic.hpp>
+#include <ise/sim/world.hpp>
 #include <ise/transport/shm/memory.hpp>
 
 #include <support/catch.hpp>
@@ -31,6 +32,8 @@
 
 #include <fcntl.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 namespace shm_loans_test {
@@ -230,6 +233,65 @@ TEST_CASE("nothing is left of loans once nobody publishes and nobody reads", "[s
     CHECK(mapped_blocks() == 0);
 }
 
+TEST_CASE("a publication may outlive its component", "[shm]") {
+    {
+        ise::publication<decltype(camera)> out;
+        {
+            harbour here;
+            auto pictures = here.subscribe(here.add_shore("shore"));
+            here.begin_to_loan(pictures);
+            SECTION("that published a large packet last") {}
+            SECTION("that published a small packet last") { here.out(picture_of(3, 10)); }
+            out = here.out;
+        }
+    }
+    CHECK(mapped_blocks() == 0);
+}
+
+TEST_CASE("blocks that a subscriber has returned are freed while nothing is published", "[shm]") {
+    ise::sim::world world;
+    auto host = world.host("boat").start_process("boat").make_loop("main");
+    const auto pool = block_pool::of(host->loop());
+    const auto rings =
+        std::make_shared<const mapping>(mapping::of(make_descriptors(ring_bytes).value().memory, ring_bytes).value());
+    int sockets[2];
+    REQUIRE(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, sockets) == 0);
+    const shm_fd ours(sockets[0]), theirs(sockets[1]);
+    lender lends(pool, rings, 0, ours.get());
+    const auto give_back = [&] { rings->returned(0)[0].fetch_or(1); };
+    {
+        ise::buffer large(100'000, pool.get());
+        large.grow(100'000);
+        const ise::shared_bytes content(std::move(large));
+        REQUIRE_FALSE(lends.loan(content)); // the subscriber has to map the block first
+        give_back();
+        REQUIRE(lends.loan(content));
+    }
+    world.run_for(20s);
+    CHECK(mapped_blocks() == 1);
+    give_back();
+    world.run_for(20s);
+    CHECK(mapped_blocks() == 0);
+}
+
+TEST_CASE("where files may not be large, large packets are sent as bytes", "[shm]") {
+    const auto child = fork_child([&] {
+        harbour here;
+        auto pictures = here.subscribe(here.add_shore("shore"));
+        const rlimit small{65'536, 65'536};
+        if (::setrlimit(RLIMIT_FSIZE, &small) != 0) return 2;
+        for (std::uint32_t number = 0; number < 20; ++number) {
+            here.out(picture_of(number));
+            auto got = here.receive(pictures);
+            if (got->number != number || !is_whole(*got)) return 1;
+        }
+        return 0;
+    });
+    int status = -1;
+    REQUIRE(::waitpid(child, &status, 0) == child);
+    CHECK(status == 0);
+}
+
 TEST_CASE("where the system refuses shared blocks, large packets are sent as bytes", "[shm]") {
     struct refusal {
         const char* what;
@@ -240,6 +302,7 @@ TEST_CASE("where the system refuses shared blocks, large packets are sent as byt
     const auto refused = GENERATE(values<refusal>({
         {"memfd_create", SYS_memfd_create, -1, 0},
         {"ftruncate", call_of_ftruncate, -1, 0},
+        {"fallocate", SYS_fallocate, -1, 0},
         {"sealing", call_of_fcntl, 1, F_ADD_SEALS},
         {"shared mappings", call_of_mmap, 3, MAP_SHARED},
         {"the subscriber's mapping", call_of_mmap, 2, PROT_READ},
@@ -359,6 +422,18 @@ TEST_CASE("blocks that are not mapped are not returned", "[shm]") {
         CHECK(here.notice(2, 4096, memory_of(4096)));
         CHECK(here.returned() == 4);
     }
+    SECTION("as the one that is replaced is still on loan") {
+        CHECK(here.notice(1, max_loaned_bytes, memory_of(max_loaned_bytes)));
+        {
+            const auto held = here.borrows.borrow({1, 0, 1}).value();
+            here.returned();
+            CHECK(here.notice(1, 4096, memory_of(4096)));
+            CHECK(here.returned() == 0);
+        }
+        here.returned();
+        CHECK(here.notice(1, 4096, memory_of(4096)));
+        CHECK(here.returned() == 2);
+    }
     CHECK(here.borrows.borrow({0, 0, 1}).error().code() == ise::errc::protocol_error);
 }
 
@@ -411,7 +486,7 @@ TEST_CASE("a frame that refers to memory wrongly ends its session", "[shm]") {
     auto& loans = dynamic_cast<ise::loans&>(*line);
 
     ise::shared_bytes_maker maker;
-    maker.use(loans.memory());
+    maker.use(*loans.memory());
     const auto content = maker.make(200'000);
     auto* at_content = ise::shared_bytes_maker::open(content);
     std::memset(at_content, 7, content.size());
