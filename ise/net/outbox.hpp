@@ -110,6 +110,8 @@ public:
     /// Hands over packets by `outbox::put_packet`, about `quantum` bytes of them, oldest first; returns whether
     /// more is left. Not asked again before a message that went into pieces is through.
     virtual bool take(outbox& out, std::size_t quantum) = 0;
+    /// Its messages that go in pieces and are not through yet.
+    std::size_t in_pieces() const noexcept { return in_pieces_; }
 
 protected:
     ~publication_source() = default;

@@ -34,9 +34,10 @@ public:
     bool done() const noexcept { return outcome_.has_value() || ended(); }
     std::uint32_t queue_position() const noexcept { return queue_position_; }
 
+    bool resumes() const noexcept override { return false; }
+
 private:
     void take_response(bytes_view raw) override;
-    bool resumes() const noexcept override { return false; }
     void on_sent_to(std::uint64_t incarnation) override;
     void on_session_lost() override;
     bool accepted() noexcept;

@@ -190,7 +190,10 @@ void peer_channel::attach(subscriber_core& subscriber) {
 
 bool peer_channel::connected() const noexcept { return session_ && session_->open(); }
 
-void peer_channel::detach(subscriber_core& subscriber) noexcept { std::erase(subscribers_, &subscriber); }
+void peer_channel::detach(subscriber_core& subscriber) noexcept {
+    std::erase(subscribers_, &subscriber);
+    consider_moving();
+}
 
 task<result<void>> peer_channel::connect(time_point deadline) {
     ++connectors_;
@@ -493,10 +496,15 @@ void peer_channel::forget_role() noexcept {
     role_.reset();
 }
 
+// Which a move would end.
+bool peer_channel::runs_actions() const noexcept {
+    return std::ranges::any_of(subscribers_, [](const auto* one) { return !one->resumes(); });
+}
+
 void peer_channel::consider_moving() {
     if (!role_ || moving_) return;
     std::optional<role_choice::change> better;
-    if (connected() && !runtime().stopping()) better = role_->choice.better();
+    if (connected() && !runtime().stopping()) better = role_->choice.better(runs_actions());
     if (better) {
         role_->due.arm(std::max(better->at, runtime().on().now()));
     } else {
@@ -515,7 +523,7 @@ task<> peer_channel::move(std::shared_ptr<peer_channel> self) {
     auto& runtime = self->runtime();
     auto now = runtime.on().now();
     std::optional<role_choice::change> wanted;
-    if (self->role_) wanted = self->role_->choice.better();
+    if (self->role_) wanted = self->role_->choice.better(self->runs_actions());
     if (!wanted || wanted->at > now) co_return;
     auto made = co_await self->reach(wanted->to, self->connect_time_, time_point::max());
     if (!made) {
@@ -526,7 +534,7 @@ task<> peer_channel::move(std::shared_ptr<peer_channel> self) {
     }
     // Meanwhile the present one may have been lost, or the better one.
     std::optional<role_choice::change> still;
-    if (self->role_ && self->connected()) still = self->role_->choice.better();
+    if (self->role_ && self->connected()) still = self->role_->choice.better(self->runs_actions());
     if (still && still->to.path == wanted->to.path && (*made)->open()) {
         self->switch_to(std::move(*made), wanted->to);
     } else {

@@ -126,6 +126,7 @@ private:
     void take_members(const resolution& found);
     void forget_role() noexcept;
     void lose_member(session& ended, const failure& cause);
+    bool runs_actions() const noexcept;
     void consider_moving();
     static task<> move(std::shared_ptr<peer_channel> self);
     static task<> ask_about(std::shared_ptr<peer_channel> self, location unlisted);

@@ -82,7 +82,7 @@ void role_choice::lost(bool in_doubt) {
     taken_.reset();
 }
 
-std::optional<role_choice::change> role_choice::better() const {
+std::optional<role_choice::change> role_choice::better(bool bound) const {
     if (!taken_) return std::nullopt;
     auto open_from = [this](const location& one) { return present_.at(one.path).not_before; };
     if (left_) {
@@ -90,7 +90,7 @@ std::optional<role_choice::change> role_choice::better() const {
         auto next = std::ranges::min_element(members_, {}, open_from);
         return change{*next, open_from(*next)};
     }
-    if (!how_.failback) return std::nullopt;
+    if (!how_.failback || bound) return std::nullopt;
     for (const auto& one : members_) {
         if (one.path == taken_->path || !outranks(one, *taken_)) continue;
         return change{one, std::max(saturating_add(present_.at(one.path).since, how_.failback_delay), open_from(one))};

@@ -227,6 +227,20 @@ void remote_subscriber::resume_at(std::uint64_t next) {
     resent_ += again.size();
     while (!queue_.empty()) again.push(queue_.pop(std::numeric_limits<std::size_t>::max()));
     queue_ = std::move(again);
+    std::uint32_t skipped = 0;
+    while (!sent_skips_.empty()) {
+        const auto [sequence, before] = sent_skips_.pop_front();
+        if (sequence >= next) skipped += before;
+    }
+    if (!queue_.carry_over(skipped)) skipped_ += skipped;
+}
+
+// Of a lossless one, the packets that did not arrive go again as they were.
+void remote_subscriber::note_skipped(std::uint64_t sequence, std::uint32_t skipped) {
+    constexpr std::size_t most = 64;
+    if (skipped == 0 || policy_ == overflow::lossless) return;
+    if (sent_skips_.size() == most) sent_skips_.pop_front();
+    sent_skips_.push_back({sequence, skipped});
 }
 
 bool remote_subscriber::may_send() const noexcept { return policy_ != overflow::lossless || sent_ < credit_; }
@@ -389,6 +403,7 @@ void remote_subscriber::put_object(net::outbox& out) {
     if (policy_ == overflow::lossless) keep(next);
     packet_head head(line_->wire(), id_, next.sequence, next.skipped, next.published_at, next.trace);
     out.put_object(head.header, head.view(), next.object.pass());
+    note_skipped(next.sequence, next.skipped);
     ++sent_;
 }
 
@@ -396,8 +411,10 @@ void remote_subscriber::put_alone(net::outbox& out) {
     auto next = pop(1);
     if (policy_ == overflow::lossless) keep(next);
     const auto* frame = next.frames.view().data();
-    packet_head head(line_->wire(), id_, packet_frame::sequence_of(frame), next.skipped,
-                     packet_frame::published_at(frame), packet_frame::trace_of(frame));
+    const auto sequence = packet_frame::sequence_of(frame);
+    packet_head head(line_->wire(), id_, sequence, next.skipped, packet_frame::published_at(frame),
+                     packet_frame::trace_of(frame));
+    note_skipped(sequence, next.skipped);
     out.put_packet(*this, head.header, head.view(), next.frames.behind(packet_frame::head_size(frame)));
     ++sent_;
 }

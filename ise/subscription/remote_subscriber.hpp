@@ -1,4 +1,5 @@
 #pragma once
+#include <ise/core/ring.hpp>
 #include <ise/net/outbox.hpp>
 #include <ise/session/conversation.hpp>
 #include <ise/subscription/send_queue.hpp>
@@ -7,6 +8,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <utility>
 
 namespace ise {
 
@@ -104,7 +106,7 @@ public:
     /// The longest packet that it accepts, where it is reached now; otherwise there is no limit.
     std::uint64_t longest() const noexcept;
     /// Packets that did not arrive and are not sent any more if it ends now.
-    std::uint64_t unsent() const noexcept { return queue_.size() + beyond_; }
+    std::uint64_t unsent() const noexcept { return queue_.size() + in_pieces() + beyond_; }
 
     const wire::ticket& ticket() const noexcept { return ticket_; }
     std::uint64_t id() const noexcept { return id_; }
@@ -127,6 +129,7 @@ private:
     void forget_sent();
     std::size_t held() const noexcept { return queue_.cost() + sent_packets_.cost(); }
     void put_alone(net::outbox& out);
+    void note_skipped(std::uint64_t sequence, std::uint32_t skipped);
     bool make_room(std::size_t more);
     void drop_oldest(std::uint64_t& reason);
     /// Whether a packet of `more` bytes does not fit. Of the held bytes, `same` are copies of that packet.
@@ -152,6 +155,8 @@ private:
     std::uint64_t sent_ = 0;
     std::uint64_t dropped_ = 0;
     std::uint32_t skipped_ = 0; // since the last packet that was queued
+    // Sent packets with skipped ones before them, and how many: those that did not arrive are counted anew. Bounded.
+    ring<std::pair<std::uint64_t, std::uint32_t>> sent_skips_;
     time_point next_allowed_{};
     time_point full_since_ = time_point::max(); // lossless: nothing was taken since
     const std::size_t max_bytes_;               // that wait

@@ -238,9 +238,10 @@ void subscriber_core::establish(const wire::subscribed& answer) {
     try {
         take_response(std::as_bytes(std::span(answer.response)));
     } catch (const error& unreadable) {
-        on_refused(unreadable.why());
+        end_here(unreadable.why());
         return;
     }
+    if (consumed_ >= grant_at_) grant();
     answer_.resume();
     held_.release([this](const packet_place& place, incoming_packet packet) {
         [[maybe_unused]] auto taken = on_packet(place, packet);
@@ -394,8 +395,9 @@ void subscriber_core::follow_trace() {
     work_for(in);
 }
 
+// Credit is sent ahead of everything else: before the answer it could arrive before the subscribe packet.
 void subscriber_core::grant() {
-    if (!session_) return;
+    if (!established_) return;
     grant_at_ = consumed_ + portion_of(capacity_);
     session_->grant(*this, granted_at_first_ + consumed_);
 }

@@ -160,6 +160,8 @@ public:
     void on_session_end(const failure& cause);
     void on_ended(const failure& why, std::uint64_t lost);
     std::uint64_t id() const noexcept { return id_; }
+    /// Whether a new session resumes it by ticket; else it is made anew there, with the subscribe packet.
+    virtual bool resumes() const noexcept { return true; }
 
 protected:
     virtual void take_response(bytes_view response) = 0;
@@ -184,8 +186,6 @@ protected:
     void end_here(const failure& why);
     /// The subscribe packet, which every subscription over a new session has; may be changed.
     bytes& request() noexcept { return request_; }
-    /// Whether a new session resumes it by ticket; else it is made anew there, with the subscribe packet.
-    virtual bool resumes() const noexcept { return true; }
     /// Its session has ended; another one is made.
     virtual void on_session_lost() {}
     /// The subscribe packet goes to this life of a provider.

@@ -11,6 +11,8 @@ using namespace names_test;
 namespace {
 
 constexpr std::string_view role = "atirma/gateway";
+// For so many seconds.
+inline constexpr ise::action<number, number, number> think_over{"think_over"};
 
 // Answers with its own number, and publishes it ten times a second.
 class gateway final : public ise::component {
@@ -23,6 +25,11 @@ private:
         provide(twice, [this](number) -> ise::task<number> {
             ++served;
             if (thinks_ > ise::duration{}) co_await sleep(thinks_);
+            number answer{own_};
+            co_return answer;
+        });
+        provide(think_over, [this](number seconds, ise::progress<number>) -> ise::task<number> {
+            co_await sleep(std::chrono::seconds(seconds.value));
             number answer{own_};
             co_return answer;
         });
@@ -169,6 +176,32 @@ TEST_CASE("roles: moving to a better member leaves the calls that run where they
     REQUIRE(at.it.world.run_until([&] { return at.holder == "shore/gateway1"; }, 10s));
     CHECK(at.answers.front() == 2); // it was answered by the one that it was written to
     CHECK(at.failures.empty());
+}
+
+TEST_CASE("roles: moving to a better member waits for the end of an action's run") {
+    shore at(0);
+    at.start_member(2);
+    REQUIRE(at.it.world.run_until([&] { return at.it.holds("shore/gateway2"); }, 5s));
+    at.how = ise::role_options::failback_after(100ms);
+    std::optional<number> outcome;
+    std::string holder;
+    bool begun = false;
+    at.it.start_body("boat", "patient", [&](ise::component& self) -> ise::task<> {
+        auto there = co_await self.find(std::string(role), at.how, 10s);
+        const number seconds{30};
+        auto run = co_await there.start(think_over, seconds);
+        begun = true;
+        outcome = co_await run.result();
+        for (;;) {
+            holder = there.holder();
+            co_await self.sleep(100ms);
+        }
+    });
+    REQUIRE(at.it.world.run_until([&] { return begun; }, 5s));
+    at.start_member(1);
+    REQUIRE(at.it.world.run_until([&] { return outcome.has_value(); }, 60s));
+    CHECK(outcome->value == 2);
+    CHECK(at.it.world.run_until([&] { return holder == "shore/gateway1"; }, 10s));
 }
 
 TEST_CASE("roles: a subscription goes on with another member, and the gap is of unknown length") {

@@ -440,6 +440,41 @@ TEST_CASE("an action that is withdrawn cancels its runs, and their requesters le
     CHECK(asked.report->outcome->error().executed() == execution::unknown);
 }
 
+namespace {
+
+ise::task<> begin_run(ise::remote there, std::optional<voyage>& into) {
+    waypoint to{"anywhere", 1};
+    into.emplace(co_await there.start(sail_to, to));
+}
+
+} // namespace
+
+TEST_CASE("a run whose provider answers a new session with rubbish is over, and so is its subscription") {
+    sim_parties all;
+    auto& boat = all.add("boat");
+    auto& shore = all.add("shore");
+    auto provider = std::make_shared<ise::publication_core>(*boat.services, "sail_to", sail_to.types());
+    int asked = 0;
+    provider->accept = [&](ise::bytes_view, const ise::adapter*,
+                           const ise::subscriber_info&) -> ise::result<ise::bytes> {
+        if (++asked == 1) return ise::encode(ise::action_accepted());
+        return ise::bytes(3, std::byte{7});
+    };
+    boat.services->services().add(provider).value();
+    boat.listen("tcp://0.0.0.0:7400");
+    std::optional<voyage> run;
+    all.run(shore, begin_run(shore.at("tcp://boat:7400"), run));
+    for (auto& [raw, session] : shore.services->sessions()) session->wire().close(ise::failure(errc::peer_lost, "cut"));
+    all.world.run_for(5s);
+    CHECK(asked == 2);
+    CHECK(run->done());
+    all.world.run_for(40s); // the first one lingers
+    CHECK(provider->subscribers() == 0);
+    run.reset();
+    provider->publish(ise::trace_id(), ise::bytes_view()); // to nobody
+    all.world.run_for(1s);
+}
+
 TEST_CASE("an action is known by its packets, and run without its header") {
     CHECK(ise::is_action(sail_to.types()));
     CHECK_FALSE(ise::is_action(ise::subscription<waypoint>::types()));

@@ -83,6 +83,13 @@ TEST_CASE("role choice: a better member is one that was there for the steady tim
         of.know({member("b", 2), member("a", 3, false)}, start + 12s);
         CHECK_FALSE(of.better());
     }
+    SECTION("whoever is bound stays, unless the taken one has left") {
+        CHECK_FALSE(of.better(true));
+        of.know({member("a", 3)}, start + 12s);
+        of.left(member("b", 2));
+        REQUIRE(of.better(true));
+        CHECK(of.better(true)->to.path == "a");
+    }
     SECTION("nobody comes back without having somebody") {
         of.lost(false);
         CHECK_FALSE(of.better());

@@ -128,6 +128,10 @@ struct fixture {
         for (int i = first; i <= last; ++i) fixes(at_latitude(i));
     }
     void settle() { all.world.run_for(2s); }
+    void cut() {
+        for (auto& [raw, session] : shore.services->sessions())
+            session->wire().close(ise::failure(errc::peer_lost, "cut"));
+    }
 };
 
 } // namespace
@@ -752,6 +756,90 @@ TEST_CASE("a subscription goes on after a cut and knows the gap exactly") {
     CHECK(at.fixes.subscribers() == 1);
 }
 
+namespace {
+
+ise::task<> connect_and_drain(ise::remote to, reading& at) {
+    [[maybe_unused]] auto connected = co_await to.connect(30s);
+    drain(at);
+}
+
+} // namespace
+
+TEST_CASE("packets that are taken in the turn of the new session count as credit there") {
+    fixture at;
+    auto got = at.sit(ise::subscribe_options::lossless(4));
+    at.publish(1, 4); // as many as the subscriber has room for
+    at.settle();
+    at.cut();
+    at.all.run_until([&] { return !got->stream->connected(); });
+    at.all.run(at.shore, connect_and_drain(at.there, *got));
+    at.publish(5, 7);
+    at.settle();
+    drain(*got);
+    CHECK(got->packets == range(1, 7));
+    CHECK_FALSE(got->stream->ended());
+}
+
+TEST_CASE("a resumed subscription does not get again a last value that had arrived before packets for some only") {
+    fixture at;
+    auto got = at.read(GENERATE(ise::subscribe_options(), ise::subscribe_options::keep_latest(),
+                                ise::subscribe_options::lossless(10)));
+    const auto publish_for = [&](int latitude, bool wanted) {
+        at.fixes.publish_if(at_latitude(latitude), [&](const ise::subscriber_info&) { return wanted; });
+        at.settle();
+    };
+    at.publish(1, 1);
+    at.settle();
+    publish_for(2, true);
+    publish_for(3, false);
+    at.cut();
+    at.all.world.run_for(10s);
+    CHECK(got->stream->counts().resumed == 1);
+    CHECK(got->packets == range(1, 2));
+}
+
+TEST_CASE("packets for others are not lost ones, also where the packet behind them was lost with its session") {
+    fixture at;
+    auto got = at.read(ise::subscribe_options::keep_last(10));
+    at.publish(1, 1);
+    at.settle();
+    at.all.world.net().partition("boat", "shore");
+    for (int latitude : {2, 3})
+        at.fixes.publish_if(at_latitude(latitude), [](const ise::subscriber_info&) { return false; });
+    at.publish(4, 4);
+    at.all.world.run_for(10s);
+    at.all.world.net().heal_all();
+    at.all.world.run_for(20s);
+    at.publish(5, 5);
+    at.settle();
+    REQUIRE(got->stream->counts().resumed == 1);
+    CHECK(got->packets == std::vector<double>{1, 4, 5});
+    CHECK(got->gaps == std::vector<std::optional<std::uint64_t>>(3, 0));
+    CHECK(got->stream->counts().skipped == 2);
+}
+
+TEST_CASE("a predicate may publish and end subscribers and throw, and its packet comes behind that") {
+    fixture at;
+    auto all = at.read(ise::subscribe_options::keep_last(100));
+    auto impatient = at.sit(ise::subscribe_options::disconnect(1));
+    {
+        ise::loop::turn in(at.boat.on);
+        at.fixes.publish_if(at_latitude(5), [&](const ise::subscriber_info& who) {
+            if (who.number == 1)
+                for (int first = 1; first <= 4; ++first) at.fixes(at_latitude(first));
+            return true;
+        });
+        const auto thrower = [](const ise::subscriber_info&) -> bool { throw std::runtime_error("undecided"); };
+        CHECK_THROWS_AS(at.fixes.publish_if(at_latitude(0), thrower), std::runtime_error);
+        at.fixes(at_latitude(6));
+    }
+    at.settle();
+    CHECK(all->packets == range(1, 6));
+    CHECK(all->gaps == std::vector<std::optional<std::uint64_t>>(6, 0));
+    CHECK(impatient->stream->ended());
+    CHECK(at.fixes.published() == 6);
+}
+
 TEST_CASE("a subscriber that does not come back within the linger is forgotten, and told so when it does") {
     ise::service_options options;
     options.linger = 10s;
@@ -842,6 +930,32 @@ TEST_CASE("order holds within a subscription although big packets go in pieces a
     }
     REQUIRE(at.all.run_until([&] { return taking->done; }));
     CHECK(sizes == sent);
+}
+
+TEST_CASE("a packet that was partly sent when its subscription ended counts as lost") {
+    sim_parties all;
+    auto& boat = all.add("boat");
+    auto& shore = all.add("shore");
+    auto out = boat.publish(notes);
+    boat.listen("tcp://0.0.0.0:7400");
+    std::optional<note_stream> stream;
+    auto subscribe = [](ise::remote to, std::optional<note_stream>& into) -> ise::task<> {
+        into.emplace(co_await to.subscribe(notes, ise::subscribe_options::lossless(3)));
+    };
+    all.run(shore, subscribe(shore.at("tcp://boat:7400"), stream));
+    all.world.net().between("boat", "shore").bandwidth_bytes_per_second = 500'000;
+    const note large{std::string(2'000'000, 'x')};
+    std::size_t taken = 0;
+    for (int published = 0; published < 6; ++published) {
+        out(large);
+        all.world.run_for(1s);
+        taken += take_all(*stream);
+    }
+    all.world.run_for(60s);
+    taken += take_all(*stream);
+    REQUIRE(stream->ended());
+    CHECK(taken + stream->counts().lost_at_provider == 6);
+    stream.reset();
 }
 
 TEST_CASE("leaving in the middle of a big packet leaves the session whole") {
