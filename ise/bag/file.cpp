@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <filesystem>
 #include <system_error>
 #include <utility>
 
@@ -140,7 +141,15 @@ result<std::unique_ptr<sink>> create_file(const std::string& path) {
         return failure(errc::name_taken,
                        fmt::format("{} exists already, and is not overwritten: remove it, or choose another", path));
     if (opened < 0) return bag_file_failure("create", path);
-    return std::unique_ptr<sink>(std::make_unique<file_sink>(opened, path));
+    auto made = std::make_unique<file_sink>(opened, path);
+    // Its name, too, is to be there after a loss of power. Not every file system can promise that.
+    const auto folder = std::filesystem::path(path).parent_path();
+    const int listed = ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (listed >= 0) {
+        ::fsync(listed);
+        ::close(listed);
+    }
+    return std::unique_ptr<sink>(std::move(made));
 }
 
 std::unique_ptr<source> memory_source(bytes_view data, std::string name) {

@@ -77,6 +77,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
     string_map reasons; // of triggers, by their times: to be written
     std::vector<recorded_message> queue;
     std::size_t queue_size = 0;
+    std::size_t triggered_size = 0; // of that, the former ring: it has its own limit
     std::map<std::string, std::pair<gap_event, std::uint64_t>> unwritten; // lost here, by topic
     std::deque<recorded_message> ring;
     std::size_t ring_size = 0;
@@ -104,7 +105,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
             }
             return;
         }
-        if (queue_size + size_of(one) > options.queue_bytes) {
+        if (queue_size - triggered_size + size_of(one) > options.queue_bytes) {
             auto& [event, count] = unwritten[one.of->name()];
             event.component = one.of->component();
             event.service = one.of->service();
@@ -167,12 +168,10 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
         if (in_ring()) {
             ++counts.triggered;
             reasons[iso_8601(self.wall(), 3)] = reason;
-            for (auto& one : ring) {
-                queue_size += size_of(one);
-                queue.push_back(std::move(one));
-            }
+            for (auto& one : ring) queue.push_back(std::move(one));
             ring.clear();
-            ring_size = 0;
+            queue_size += ring_size;
+            triggered_size += std::exchange(ring_size, 0);
         }
         record_until = saturating_add(self.now(), options.after);
         return true;
@@ -228,7 +227,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
             if (queue.empty() || last) note_unwritten();
             auto batch = std::exchange(queue, {});
             const auto why = std::exchange(reasons, {});
-            const auto batch_bytes = queue_size;
+            const auto batch_bytes = queue_size, triggered_bytes = triggered_size;
             const bool close = last || (close_file && in_ring());
             const bool flush = self.now() - flushed >= options.flush;
             if (!batch.empty() || !why.empty() || flush || close) {
@@ -242,6 +241,7 @@ struct recorder_core::state : std::enable_shared_from_this<state> {
                 done = co_await self.offload(std::move(work));
                 if ((!batch.empty() || !why.empty()) && !close && options.ring > duration{}) close_file = true;
                 queue_size -= batch_bytes;
+                triggered_size -= triggered_bytes;
                 counts.lost += refused.count;
                 if (refused.count > 0) note_refused(refused);
                 counts.messages = file.counts().messages;

@@ -344,7 +344,11 @@ result<void> recording_file::write(const recorded_message& message) { return sta
 result<void> recording_file::note(const std::string& name, const string_map& what, timestamp now) {
     return state_->note(name, what, now);
 }
-result<void> recording_file::flush() { return state_->out ? state_->out->flush() : result<void>(); }
+result<void> recording_file::flush() {
+    if (!state_->out) return {};
+    if (auto done = state_->out->flush(); !done) return done;
+    return state_->out->sync();
+}
 result<void> recording_file::close() { return state_->close(); }
 const recording_counts& recording_file::counts() const noexcept { return state_->counts; }
 

@@ -90,6 +90,8 @@ task<> name_server::run() {
     if (!options_.store) recall();
     else memory_.secret = {env().random(), env().random()};
     registry_options options;
+    // The store forgets a node that is silent here before its lease there ends.
+    if (options_.store) options_.lease = std::min(options_.lease, shared_names::store_lease - std::chrono::seconds(3));
     options.lease = options_.lease;
     options.recovery = options_.fresh ? duration{} : options_.lease;
     options.limits = options_.limits;
@@ -189,7 +191,7 @@ name_server::judged name_server::judge(naming::register_request& request, const 
         allowed.push_back(std::move(claim));
     }
     if (claimed_.size() > 2 * options_.limits.max_nodes) claimed_.clear(); // told once more, if need be
-    all.all_refused = allowed.empty() && !answers.empty();
+    all.all_refused = allowed.empty(); // also who claims nothing: a node without a name would take a place
     request.components = std::move(allowed);
     return all;
 }

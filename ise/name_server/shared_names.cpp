@@ -364,11 +364,13 @@ task<> shared_names::keep_here(naming::node_identity who, duration lease) {
     const auto key = who.lease_key;
     // The short lease, granted now, ends before that of the store, also by a clock that is a little slow.
     const auto margin = store_lease - names_.options().lease - std::chrono::seconds(1);
+    bool was_ending = false;
     for (int attempt = 0; attempt != 4; ++attempt) {
         auto known = nodes_.find(key);
         const bool there = known != nodes_.end();
-        if (there) known->second.ending = false; // it lives
-        if (there && known->second.what.server == incarnation_) {
+        if (there && std::exchange(known->second.ending, false)) was_ending = true; // it lives
+        // The end of a node may be under way: a record that is written anew prevents it, or shows that it came first.
+        if (there && known->second.what.server == incarnation_ && !was_ending) {
             if (confirmed_within(known->second, margin)) co_return;
             auto sent = on_.now();
             auto number = known->second.what.store_lease;
@@ -406,6 +408,7 @@ task<> shared_names::keep_here(naming::node_identity who, duration lease) {
         }
         if (!written) give_up(written.error());
         unwritable_.reset();
+        if (written->front().done) was_ending = false;
         co_await catch_up(written->front().revision);
         known = nodes_.find(key);
         if (written->front().done && !there && known != nodes_.end()) {

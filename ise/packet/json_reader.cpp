@@ -169,9 +169,12 @@ private:
     void real(type_kind kind, const json& from, const place& at) {
         const double number = real_number(from, at, "a number");
         if (kind == type_kind::f64) return out.append(number);
-        if (std::isfinite(number) && std::abs(number) > static_cast<double>(std::numeric_limits<float>::max()))
-            wrong(at, "a number that fits f32", from);
-        out.append(static_cast<float>(number));
+        // The text of the largest float is a little more than that: up to here it is the nearest one.
+        constexpr double too_large = 0x1.ffffffp127;
+        constexpr double largest = std::numeric_limits<float>::max();
+        if (!std::isfinite(number)) return out.append(static_cast<float>(number));
+        if (std::abs(number) >= too_large) wrong(at, "a number that fits f32", from);
+        out.append(static_cast<float>(std::clamp(number, -largest, largest)));
     }
 
     void enumeration(const type_description& type, const json& from, const place& at) {

@@ -52,7 +52,7 @@ void type_description::complete() noexcept {
             break;
         case type_kind::array:
             min_size = product(length, members[0].type.min_size);
-            fixed_size = members[0].type.fixed_size;
+            fixed_size = length == 0 || members[0].type.fixed_size; // also of texts: nothing is passed over one by one
             break;
         case type_kind::variant: {
             min_size = most;

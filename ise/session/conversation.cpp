@@ -36,7 +36,7 @@ std::optional<failure> conversation::objection_to_use(service_kind kind, const s
         plain.what = kind == service_kind::subscription ? access::action::subscribe : access::action::call;
         plain.item = service;
         auto said = view_->decide(plain);
-        if (said.allowed) return {};
+        if (said.allowed && !view_->decide(what).denied) return {};
         if (said.denied) what = plain;
     }
     return guard->objection(*view_, verified(), what, runtime_.self().path, note);

@@ -173,6 +173,16 @@ private:
     std::vector<element> elements_;
 };
 
+/// Whether many keys share the bucket of this one, as a sender may have chosen: each further one would cost as much as
+/// all of them.
+template <class Container, class K>
+bool is_crowded(const Container& in, const K& key) {
+    constexpr std::size_t small = 1024, most = 64;
+    if constexpr (requires { in.bucket_size(in.bucket(key)); })
+        return in.size() > small && in.bucket_size(in.bucket(key)) > most;
+    else return false;
+}
+
 template <class Set, class K>
 struct set_codec {
     static constexpr std::size_t min_size = 4;
@@ -199,9 +209,12 @@ struct set_codec {
             K key{};
             if (!in(key)) [[unlikely]]
                 return in.in_element(i);
-            keys.emplace_hint(keys.end(), std::move(key));
+            [[maybe_unused]] auto at = keys.emplace_hint(keys.end(), std::move(key));
             if (keys.size() == i) [[unlikely]]
                 return in.fail("is there twice"), in.in_element(i);
+            if constexpr (sorts)
+                if (is_crowded(keys, *at)) [[unlikely]]
+                    return in.fail("has too many keys with the same hash", errc::too_large), in.in_element(i);
         }
         return true;
     }
@@ -241,6 +254,9 @@ struct map_codec {
             auto at = values.emplace_hint(values.end(), std::move(key), V{});
             if (values.size() == i) [[unlikely]]
                 return in.fail("is there twice"), in.in_field("key"), in.in_element(i);
+            if constexpr (sorts)
+                if (is_crowded(values, at->first)) [[unlikely]]
+                    return in.fail("has too many keys with the same hash", errc::too_large), in.in_element(i);
             if (!in(at->second)) [[unlikely]]
                 return in.in_element(i);
         }

@@ -11,17 +11,17 @@ template <class Array, class T, std::size_t N>
 struct array_codec {
     static constexpr std::size_t min_size = codec<T>::min_size * N;
     static constexpr bool fixed = codec<T>::fixed;
-    static constexpr bool raw = codec<T>::raw;
+    static constexpr bool raw = codec<T>::raw && N > 0; // in memory an array of none has bytes
 
     static void put(std::byte* to, const Array& values) requires fixed {
-        if constexpr (raw && N > 0) {
+        if constexpr (raw) {
             std::memcpy(to, &values[0], min_size);
         } else {
             for (std::size_t i = 0; i < N; ++i) codec<T>::put(to + i * codec<T>::min_size, values[i]);
         }
     }
     static bool get(const std::byte* from, Array& values, reader& in) requires fixed {
-        if constexpr (raw && N > 0) {
+        if constexpr (raw) {
             std::memcpy(static_cast<void*>(&values[0]), from, min_size);
         } else {
             for (std::size_t i = 0; i < N; ++i)

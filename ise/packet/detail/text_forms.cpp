@@ -44,6 +44,7 @@ template <class T>
 void append_number(std::string& out, T value) {
     if (std::isnan(value)) out += "\"NaN\"";
     else if (std::isinf(value)) out += value > 0 ? "\"Infinity\"" : "\"-Infinity\"";
+    else if (value == 0 && std::signbit(value)) out += "-0.0"; // without a point it is the integer 0
     else out += fmt::format("{}", value);
 }
 
@@ -240,7 +241,8 @@ void append_json_time(std::string& out, const type_description& type, std::int64
         return;
     }
     if (type.kind == type_kind::time_span) {
-        bool exact = ticks < (std::int64_t{1} << 53) && ticks > -(std::int64_t{1} << 53); // as a reader's double
+        // As a reader's double, whose seconds have to be told apart by less than a tick.
+        const bool exact = ticks < (std::int64_t{1} << 51) && ticks > -(std::int64_t{1} << 51);
         out += fmt::format(fmt::runtime(exact ? "{}" : "\"{}\""), decimal_seconds(ticks, type.period_den, *places));
         return;
     }

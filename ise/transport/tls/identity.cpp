@@ -11,6 +11,7 @@
 #include <openssl/x509.h>
 
 #include <algorithm>
+#include <optional>
 
 namespace ise::net::tls {
 namespace {
@@ -42,12 +43,19 @@ std::string cause() {
 // Nobody is asked for a passphrase: what waits for one hangs.
 int no_passphrase(char*, int, int, void*) { return 0; }
 
-// Every certificate of a file.
-std::vector<certificate> certificates_of(const std::string& text) {
+// Whether reading has stopped at the end of a file; if not, at a damaged block, and `cause` says why.
+bool is_at_end() {
+    if (ERR_GET_REASON(ERR_peek_last_error()) != PEM_R_NO_START_LINE) return false;
+    ERR_clear_error();
+    return true;
+}
+
+// Every certificate of a file; nothing if it is damaged.
+std::optional<std::vector<certificate>> certificates_of(const std::string& text) {
     auto from = over(text);
     std::vector<certificate> all;
     while (auto* one = PEM_read_bio_X509(from.get(), nullptr, no_passphrase, nullptr)) all.emplace_back(one);
-    ERR_clear_error(); // the end of the file
+    if (!is_at_end()) return std::nullopt;
     return all;
 }
 
@@ -120,11 +128,12 @@ result<identity::contents> identity::read(environment& env) const {
 // Its own certificate and key; the identity in it.
 result<std::string> identity::show_own(SSL_CTX* to, const contents& from) const {
     auto own = certificates_of(from.certificate);
-    if (own.empty()) return unusable(files_.certificate, "there is no certificate in it");
-    if (SSL_CTX_use_certificate(to, own.front().get()) != 1) return unusable(files_.certificate, cause());
-    for (std::size_t at = 1; at < own.size(); ++at)
-        if (SSL_CTX_add1_chain_cert(to, own[at].get()) != 1) return unusable(files_.certificate, cause());
-    auto about = subject_of(*own.front());
+    if (!own) return unusable(files_.certificate, cause());
+    if (own->empty()) return unusable(files_.certificate, "there is no certificate in it");
+    if (SSL_CTX_use_certificate(to, own->front().get()) != 1) return unusable(files_.certificate, cause());
+    for (std::size_t at = 1; at < own->size(); ++at)
+        if (SSL_CTX_add1_chain_cert(to, (*own)[at].get()) != 1) return unusable(files_.certificate, cause());
+    auto about = subject_of(*own->front());
     if (!about) return unusable(files_.certificate, about.error().message());
     private_key key(PEM_read_bio_PrivateKey(over(from.key).get(), nullptr, no_passphrase, nullptr));
     if (!key) return unusable(files_.key, fmt::format("{} (it must be a private key without a passphrase)", cause()));
@@ -156,8 +165,9 @@ result<std::shared_ptr<ssl_ctx_st>> identity::build(const contents& from) {
 
     auto* store = SSL_CTX_get_cert_store(to);
     auto authorities = certificates_of(from.authorities);
-    if (authorities.empty()) return unusable(files_.authorities, "there is no certificate in it");
-    for (const auto& one : authorities)
+    if (!authorities) return unusable(files_.authorities, cause());
+    if (authorities->empty()) return unusable(files_.authorities, "there is no certificate in it");
+    for (const auto& one : *authorities)
         if (X509_STORE_add_cert(store, one.get()) != 1) return unusable(files_.authorities, cause());
     auto lists = over(from.authorities);
     int count = 0;
@@ -170,7 +180,7 @@ result<std::shared_ptr<ssl_ctx_st>> identity::build(const contents& from) {
             listed.insert(listed_as(*X509_CRL_get_issuer(list.get()),
                                     *X509_REVOKED_get0_serialNumber(sk_X509_REVOKED_value(entries, at))));
     }
-    ERR_clear_error();
+    if (!is_at_end()) return unusable(files_.authorities, cause()); // a damaged list revokes nobody
     // Where there was a list once, none is not an empty one.
     if (count == 0 && knows_revoked_)
         return unusable(files_.authorities, "it had a revocation list before, and has none now");

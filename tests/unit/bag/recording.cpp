@@ -322,6 +322,20 @@ TEST_CASE("a ring is written with what came before its trigger", "[bag]") {
     CHECK(why.metadata.begin()->second == "atirma/boat/twice");
 }
 
+TEST_CASE("what follows a trigger is recorded, however large the ring before it was", "[bag]") {
+    folder tmp;
+    auto options = recording_to(tmp.file("a.mcap"));
+    options.ring = 10s;
+    options.after = 3s;
+    options.queue_bytes = 1000; // less than the ring has
+    options.triggers = {"atirma/boat/twice"};
+    voyage sea(options);
+    sea.sail(8s);
+    read_back got(tmp.file("a_0001.mcap"));
+    CHECK(got.all["atirma/boat/count"].size() >= 45);
+    CHECK(got.all["ise/gaps"].empty());
+}
+
 TEST_CASE("files are attached when a recording begins, and again when it ends if they have changed", "[bag]") {
     folder tmp;
     std::ofstream(tmp.file("sea.toml")) << "[components.boat]";

@@ -177,6 +177,20 @@ TEST_CASE("tls: a certificate that was revoked is refused, whoever shows it, and
     }
 }
 
+TEST_CASE("tls: a file of authorities that is damaged anywhere is not used, also when it was never read before") {
+    authority own("with a list that is cut");
+    auto good = own.issue("good");
+    auto whole = own.list(), cut = whole.substr(0, whole.size() - 60), damaged = whole;
+    damaged[damaged.size() / 2] = '#';
+    sea at;
+    at.give("boat", good, GENERATE_COPY(cut, damaged, cut + "\n" + whole));
+    ise::security_options with_tls;
+    with_tls.tls_folder = "tls";
+    const auto loaded = ise::security::load(at.all.world.host("boat").start_process("boat"), with_tls);
+    REQUIRE_FALSE(loaded);
+    CHECK_THAT(loaded.error().message(), Contains("tls/ca.pem cannot be used"));
+}
+
 TEST_CASE("tls: what is revoked while it runs is not let in again, and a list that is gone or old lets nobody in") {
     authority own("that changes");
     auto good = own.issue("good"), lost = own.issue("lost");
@@ -214,7 +228,7 @@ TEST_CASE("tls: what is revoked while it runs is not let in again, and a list th
         cut();
         auto got = at.call();
         REQUIRE_FALSE(got);
-        CHECK(at.warned("tls/ca.pem cannot be used: there is no certificate in it"));
+        CHECK(at.warned("tls/ca.pem cannot be used: bad end line"));
         at.all.world.host("boat").write_file("tls/ca.pem", own.certificate() + nobody);
         at.all.world.run_for(ise::net::tls::identity::reread_after);
         CHECK(at.call());

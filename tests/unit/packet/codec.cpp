@@ -4,6 +4,7 @@
 #include <ise/packet/schema.hpp>
 #include <support/catch.hpp>
 
+#include <array>
 #include <unordered_set>
 
 namespace codec_test {
@@ -133,6 +134,35 @@ TEST_CASE("elements without size and fat elements are bounded too") {
     REQUIRE_FALSE(too_fat.has_value());
     CHECK(too_fat.error().code() == ise::errc::too_large);
     CHECK_THAT(too_fat.error().message(), Contains("268435456 bytes that one packet may take (max_total_bytes)"));
+}
+
+TEST_CASE("arrays of no elements have no bytes, in a list and alone") {
+    using none = std::array<std::uint32_t, 0>;
+    std::vector<none> three(3);
+    const auto raw = ise::encode(three);
+    CHECK(raw.size() == 4);
+    CHECK(ise::decode<std::vector<none>>(raw).size() == 3);
+    struct alone {
+        none nothing;
+    };
+    CHECK(ise::encode(alone()).empty());
+    CHECK_FALSE(ise::try_decode<alone>(ise::bytes(1)).has_value());
+}
+
+TEST_CASE("keys that were chosen to have the same hash are refused before they take long") {
+    std::unordered_set<std::uint64_t> honest;
+    for (std::uint64_t key = 0; key < 100'000; ++key) honest.insert(key * 64);
+    CHECK(ise::decode<std::unordered_set<std::uint64_t>>(ise::encode(honest)) == honest);
+    std::unordered_set<std::uint64_t> full;
+    full.reserve(100'000);
+    std::map<std::uint64_t, std::uint8_t> alike; // the same bytes as of an unordered one
+    for (std::uint64_t key = 0; key < 60'000; ++key) alike[key * full.bucket_count()] = 1;
+    const auto raw = ise::encode(alike);
+    using map = std::unordered_map<std::uint64_t, std::uint8_t>;
+    const auto got = ise::try_decode<map>(raw);
+    REQUIRE_FALSE(got.has_value());
+    CHECK(got.error().code() == ise::errc::too_large);
+    CHECK_THAT(got.error().message(), Contains("too many keys with the same hash"));
 }
 
 TEST_CASE("flags other than 0 and 1, unknown alternatives and doubled keys are refused") {

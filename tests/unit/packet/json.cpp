@@ -99,6 +99,29 @@ TEST_CASE("values at the edges come back exactly") {
     CHECK_THAT(ise::to_json(o), Contains("\"a\xef\xbf\xbd\"")); // no JSON text can hold it
 }
 
+namespace {
+
+struct edges {
+    float largest = std::numeric_limits<float>::max(), smallest = -largest;
+    double below_zero = -0.0;
+    std::chrono::nanoseconds span{};
+};
+
+} // namespace
+
+TEST_CASE("the largest floats, a negative zero and long times with all their digits come back exactly") {
+    edges packet;
+    for (std::int64_t from : {std::int64_t{1} << 51, std::int64_t{4'300'000'000'000'000}, std::int64_t{1} << 53})
+        for (std::int64_t ticks = from - 500; ticks < from + 500; ++ticks) {
+            packet.span = std::chrono::nanoseconds(ticks % 2 == 0 ? ticks : -ticks);
+            const auto text = ise::to_json(packet);
+            if (ise::encode(ise::from_json<edges>(text)) == ise::encode(packet)) continue;
+            FAIL_CHECK(text);
+            return;
+        }
+    CHECK_THROWS(ise::from_json<edges>(R"({"largest":3.4028236e+38})"));
+}
+
 TEST_CASE("fields that are missing take their defaults") {
     auto got = ise::from_json<track>(R"({"waypoints":[{"name":"a"}]})");
     CHECK(got.waypoints.at(0) == waypoint{"a", 0, 0});

@@ -1,5 +1,6 @@
 #include "examples.hpp"
 
+#include <ise/packet/adapt.hpp>
 #include <ise/packet/fingerprint.hpp>
 #include <ise/packet/schema.hpp>
 #include <support/catch.hpp>
@@ -86,6 +87,16 @@ TEST_CASE("a schema text that is none says where and what was expected") {
     std::string whole = ise::schema_of<everything>().text();
     for (std::size_t size = 0; size < whole.size(); ++size)
         REQUIRE_FALSE(ise::schema::parse(std::string_view(whole).substr(0, size)).has_value());
+}
+
+TEST_CASE("arrays without bytes cost nothing, whatever they are of and however long") {
+    const std::string empty = "array<array<array<string,0>,268435456>,268435456>";
+    const auto many = ise::schema::parse("struct p{a:" + empty + "=}"); // its default is checked
+    REQUIRE(many);
+    const auto former = ise::schema::parse("struct p{}").value();
+    const auto later = ise::schema::parse("struct p{a:" + empty + "}").value();
+    CHECK(ise::adapter(later, former)(ise::bytes_view()).empty());
+    CHECK(ise::adapter(former, later)(ise::bytes_view()).empty());
 }
 
 TEST_CASE("a hostile schema text is bounded in every direction, and each limit is told by its name") {
