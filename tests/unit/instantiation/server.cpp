@@ -92,7 +92,13 @@ public:
         open();
     }
 
+    /// Starts its server, and waits until that is registered.
     void open() {
+        boot();
+        REQUIRE(system.world.run_until([&] { return system.holds("ise/host/shore"); }, 30s));
+    }
+    /// The same without waiting.
+    void boot() {
         auto begin = [this](ise::node& node) {
             server_options options;
             options.programs_folder = "/programs";
@@ -115,7 +121,18 @@ public:
                 return made;
             },
             variables);
-        REQUIRE(system.world.run_until([&] { return system.holds("ise/host/shore"); }, 30s));
+    }
+    /// The server crashes at that operation, counted from now on; the result is true as soon as it has.
+    std::shared_ptr<const bool> crash_at(int fatal) {
+        auto dead = std::make_shared<bool>(false);
+        host.may = [this, dead, fatal, operations = 0]() mutable {
+            if (!*dead && ++operations == fatal) {
+                *dead = true;
+                server->crash();
+            }
+            return !*dead;
+        };
+        return dead;
     }
 
     /// What a client on the host gets.
@@ -341,15 +358,7 @@ TEST_CASE("a crash of the server at any of its operations loses no process and s
     int crashes = 0;
     for (int fatal = 1;; ++fatal) {
         harbour in;
-        int operations = 0;
-        bool dead = false;
-        in.host.may = [&] {
-            if (!dead && ++operations == fatal) {
-                dead = true;
-                in.server->crash();
-            }
-            return !dead;
-        };
+        auto dead = in.crash_at(fatal);
         // One comes to be, another is restarted by its policy, a third is stopped, as far as the server lives.
         auto ask = [&](auto service, auto request) {
             in.system.start("shore", "client", [&](ise::node& node) {
@@ -369,10 +378,10 @@ TEST_CASE("a crash of the server at any of its operations loses no process and s
             ask(host_services::start, request);
         }
         for (const auto& one : in.host.running())
-            if (one->path == "sea/one" && !dead) in.host.end(*one, {true, true, 9});
+            if (one->path == "sea/one" && !*dead) in.host.end(*one, {true, true, 9});
         in.system.world.run_for(10s);
         ask(host_services::stop, stop_request{"sea/two", std::nullopt});
-        if (!dead) break; // it has outlived all of it
+        if (!*dead) break; // it has outlived all of it
         ++crashes;
         in.host.may = [] { return true; };
         in.open();
@@ -390,6 +399,28 @@ TEST_CASE("a crash of the server at any of its operations loses no process and s
             CHECK(std::ranges::count_if(in.host.running(), [&](const auto& one) { return one->path == path; }) <= 1);
     }
     CHECK(crashes > 10);
+}
+
+TEST_CASE("a crash of the server at any operation of a takeover loses no instance") {
+    int crashes = 0;
+    for (int fatal = 1;; ++fatal) {
+        harbour in;
+        const auto paths = {"sea/one", "sea/two", "sea/three"};
+        for (const char* path : paths) REQUIRE(in.start(path, restart_policy::always).outcome == start_outcome::ready);
+        in.server->crash();
+        in.host.end(in.host.at("sea/three"), {true, true, 9}); // its next life is part of the takeover
+        auto dead = in.crash_at(fatal);
+        in.boot();
+        in.system.world.run_for(30s);
+        if (!*dead) break;
+        ++crashes;
+        in.host.may = [] { return true; };
+        in.open();
+        INFO("it died at operation " << fatal);
+        for (const char* path : paths) CHECK(in.becomes(path, instance_state::ready));
+        CHECK(in.host.running().size() == 3);
+    }
+    CHECK(crashes > 2);
 }
 
 TEST_CASE("the name of a deployment is a name, so that no start fills the state") {
