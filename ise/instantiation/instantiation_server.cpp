@@ -152,7 +152,7 @@ instantiation_server::instantiation_server(machine& host, server_options options
 instantiation_server::~instantiation_server() = default;
 
 task<> instantiation_server::run() {
-    here_.stopping = false; // a run before this one may have failed
+    here_.stopping = took_over_ = false; // a run before this one may have failed
     for (const auto& at : this->services().listening()) may_listen(at, this->services().peers().credentials()).value();
     parts_ = std::make_unique<parts>(here_, at(here_.options.name_servers, std::string(naming::server_path)));
     parts_->publish(); // at once: subscribers of the server before may come back
@@ -163,6 +163,7 @@ task<> instantiation_server::run() {
     co_await parts_->types.refresh();
     for (const auto& problem : parts_->types.known().problems()) log().warning(problem);
     parts_->former.restore(parts_->state.load());
+    took_over_ = true;
     parts_->state.begin();
     parts_->provide(); // a request before would be answered, or carried out, without what runs already
     co_await ready();

@@ -106,7 +106,9 @@ public:
             options.name_servers = {
                 ise::endpoint::parse("tcp://" + system.world.host("ns").address() + ":7400").value()};
             options.max_starts = 10;
-            node.start<instantiation_server>(path_of_host("shore"), ise::component_options(), host, options);
+            ise::component_options where;
+            where.listen = {ise::endpoint::parse("tcp://127.0.0.1:7500").value()};
+            component = &node.start<instantiation_server>(path_of_host("shore"), where, host, options);
         };
         auto& shore = system.world.host("shore");
         std::map<std::string, std::string> variables;
@@ -178,7 +180,8 @@ public:
     names_test::system system;
     virtual_machine host;
     ise::sim::process* server = nullptr;
-    std::string access_policy; ///< of the next server; empty: none
+    instantiation_server* component = nullptr; ///< in that process
+    std::string access_policy;                 ///< of the next server; empty: none
 };
 
 } // namespace
@@ -421,6 +424,34 @@ TEST_CASE("a crash of the server at any operation of a takeover loses no instanc
         CHECK(in.host.running().size() == 3);
     }
     CHECK(crashes > 2);
+}
+
+TEST_CASE("a server that has not taken over yet answers no request, and leaves the state alone") {
+    harbour in;
+    REQUIRE(in.start("sea/one").outcome == start_outcome::ready);
+    CHECK(in.component->has_taken_over());
+    in.server->crash();
+    const auto state = in.host.files.at("/state/state.json");
+    in.host.installed["silents"].describes_after = 4s;
+    in.boot();
+    auto answer = std::make_shared<std::optional<ise::errc>>();
+    in.system.start("shore", "client", [answer](ise::node& node) {
+        node.start("", [answer](ise::component& self) -> ise::task<> { // it knows the endpoint from before
+            auto server = self.at(ise::endpoint::parse("tcp://127.0.0.1:7500").value());
+            start_request request;
+            request.type = "doubler";
+            request.path = "sea/one";
+            auto got = co_await server.try_call(host_services::start, std::move(request), 1s);
+            *answer = got ? ise::errc{} : got.error().code();
+        });
+    });
+    in.system.world.run_for(2s);
+    CHECK_FALSE(in.component->has_taken_over());
+    CHECK(*answer == ise::errc::no_such_service);
+    CHECK(in.host.files.at("/state/state.json") == state);
+    REQUIRE(in.system.world.run_until([&] { return in.component->has_taken_over(); }, 10s));
+    REQUIRE(in.becomes("sea/one", instance_state::ready));
+    CHECK(in.host.launches.size() == 1);
 }
 
 TEST_CASE("the name of a deployment is a name, so that no start fills the state") {
