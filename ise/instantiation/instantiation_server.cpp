@@ -64,7 +64,7 @@ private:
 instantiation_server::parts::parts(server_context& context, remote name_server)
     : here(context), types(here), table(here), state(here, table), instances(here, table, state, actions()),
       probes(here, instances), names(here, instances, std::move(name_server)),
-      shared(here, table, state, instances, names), processes(here, state, instances, names, shared),
+      shared(here, table, state, instances, names), processes(here, types, state, instances, names, shared),
       starting(here, types, table, instances, names, shared),
       changing(here, types, table, instances, probes, shared, starting), checking(here, types, table, names, shared),
       former(here, types, instances, names, shared, processes) {}

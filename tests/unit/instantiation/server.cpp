@@ -454,6 +454,45 @@ TEST_CASE("a server that has not taken over yet answers no request, and leaves t
     CHECK(in.host.launches.size() == 1);
 }
 
+TEST_CASE("a program that does not describe itself in time at a takeover is asked again") {
+    harbour in;
+    restart_terms hasty; // no time for a description
+    hasty.policy = restart_policy::on_failure;
+    hasty.first_pause = 10ms;
+    hasty.max_pause = 10ms;
+    hasty.ready_within = 1s;
+    for (const char* path : {"sea/one", "sea/two"}) {
+        start_request request;
+        request.type = "doubler";
+        request.path = path;
+        request.terms = hasty;
+        REQUIRE(in.call(host_services::start, request).outcome == start_outcome::ready);
+    }
+    in.server->crash();
+    in.host.installed["doublers"].describes_after = 6s;
+    in.open();
+    CHECK(in.state("sea/two").program.empty());
+    in.host.end(in.host.at("sea/one"), {true, true, 9});
+    in.system.world.run_for(10s);
+    CHECK(in.state("sea/one").state == instance_state::starting);
+    in.host.installed["doublers"].describes_after = {};
+    CHECK(in.becomes("sea/one", instance_state::ready));
+    CHECK(in.state("sea/one").restarts == 1);
+    CHECK(in.state("sea/two").program == "doublers"); // its probe is back
+    CHECK(in.state("sea/two").state == instance_state::ready);
+}
+
+TEST_CASE("what was taken over and is installed no more fails at its restart") {
+    harbour in;
+    REQUIRE(in.start("sea/one", restart_policy::on_failure).outcome == start_outcome::ready);
+    in.server->crash();
+    in.host.installed["doublers"].description = describe("tripler");
+    in.open();
+    in.host.end(in.host.at("sea/one"), {true, true, 9});
+    CHECK(in.becomes("sea/one", instance_state::failed));
+    CHECK_THAT(in.state("sea/one").reason, Contains("no program here has the type 'doubler' any more"));
+}
+
 TEST_CASE("the name of a deployment is a name, so that no start fills the state") {
     harbour in;
     start_request request;
