@@ -552,6 +552,20 @@ TEST_CASE("a state that cannot be read is set aside, whatever its size") {
     }
 }
 
+TEST_CASE("a server that cannot read its state leaves that alone, and does not run") {
+    harbour in;
+    REQUIRE(in.start("sea/one").outcome == start_outcome::ready);
+    in.server->crash();
+    in.host.reads = false;
+    in.boot();
+    in.system.world.run_for(30s);
+    CHECK_FALSE(in.system.holds("ise/host/shore"));
+    in.server->crash();
+    in.host.reads = true;
+    in.open();
+    CHECK(in.state("sea/one").adopted);
+}
+
 TEST_CASE("a start in a shared process that takes too long ends nobody else there, and leaves nothing behind") {
     for (auto slow : {3s, 30s}) { // within the least time that it has, and beyond
         INFO("slow " << slow.count());

@@ -34,6 +34,7 @@ public:
     std::string host;
     std::map<std::string, program> installed; ///< by the name of its file
     std::map<std::string, std::string> files;
+    bool reads = true;                                             ///< false: the disk fails when a file is read
     std::vector<std::pair<ise::time_point, std::string>> launches; ///< when, and of which path
     /// Called before each operation that changes something; false: the server is dead, and this does not happen any
     /// more.
@@ -128,6 +129,7 @@ public:
         co_return outcome;
     }
     ise::result<std::string> read_file(const std::string& path, std::size_t max_bytes) const override {
+        if (!reads) return ise::failure(ise::errc::io_failed, "cannot read " + path);
         auto found = files.find(path);
         if (found == files.end()) return ise::failure(ise::errc::no_such_name, "no such file");
         if (found->second.size() > max_bytes) return ise::failure(ise::errc::too_large, path + " is too large");
