@@ -140,7 +140,8 @@ int run(const settings& wanted) {
     node_options.security = std::move(security);
     node_options.log = ise::log_to_stderr(wanted.log_level);
     ise::node node(env, std::move(node_options));
-    node.start<ise::instantiation::instantiation_server>(path, std::move(where), host, std::move(options));
+    const auto& server =
+        node.start<ise::instantiation::instantiation_server>(path, std::move(where), host, std::move(options));
     int code = ise::run_until_signal(node, [&] {
         fmt::print("instantiation server {} starts what lies in {}\n", path, programs);
         std::fflush(stdout);
@@ -148,10 +149,17 @@ int run(const settings& wanted) {
     for (const auto& report : node.reports())
         if (!report.failure.empty()) ise::complain("ise_instantiation_server", report.failure);
     // What runs is ended with it, or found by the next one. After a failure (the name is another's) it is left alone.
-    if (code == 0 && !wanted.leave_running) {
+    if (code != 0 || wanted.leave_running) return code;
+    const auto state = folder + "/state.json";
+    if (server.has_taken_over()) {
         host.end_all(wanted.grace);
-        host.remove(folder + "/state.json");
-        host.remove(ise::instantiation::spare_of(folder + "/state.json"));
+        host.remove(state);
+        host.remove(ise::instantiation::spare_of(state));
+    } else if (host.size_of(state) != 0) {
+        ise::complain("ise_instantiation_server",
+                      fmt::format("stopped before it took over the components in {}, which run on: start and stop it "
+                                  "again to end them",
+                                  state));
     }
     return code;
 }

@@ -90,13 +90,9 @@ task<std::vector<finding>> examine_instances(context& in) {
 
 // A server that was killed cannot tell what it had started; the name server knows that it was there.
 task<std::vector<finding>> examine_lost_servers(context& in) {
-    auto names = co_await reach_name_server(in);
-    naming::lost_request question;
-    question.prefix = instantiation::hosts_path;
-    auto response = co_await names.try_call(naming::lost, std::move(question), in.left());
+    auto servers = co_await lost_hosts(in);
     std::vector<finding> found;
-    if (!response) co_return found; // an older one does not know
-    for (const auto& one : response->names) {
+    for (const auto& one : servers) {
         auto host = one.path.substr(one.path.rfind('/') + 1);
         finding lost;
         lost.kind = "server_lost";

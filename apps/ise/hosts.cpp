@@ -95,19 +95,34 @@ task<host_server> host_to_use(context& in, std::string name) {
     co_return made;
 }
 
+task<result<std::vector<instantiation::instance_info>>> instances_of(context& in, host_server of, std::string prefix) {
+    instantiation::instances_request question{std::move(prefix)};
+    auto response = co_await of.server.try_call(instantiation::services::instances, std::move(question),
+                                                std::min(in.left(), duration(3s)));
+    if (!response) co_return response.error();
+    co_return std::move(response->instances);
+}
+
+task<std::vector<naming::lost_name>> lost_hosts(context& in) {
+    auto names = co_await reach_name_server(in);
+    naming::lost_request question;
+    question.prefix = hosts_path;
+    auto response = co_await names.try_call(naming::lost, std::move(question), in.left());
+    if (!response) co_return std::vector<naming::lost_name>(); // an older one does not know
+    co_return std::move(response->names);
+}
+
 task<std::vector<found_instance>> instances_there(context& in, std::string host, std::string prefix) {
     auto hosts = co_await hosts_there(in, host);
     std::vector<found_instance> all;
     for (auto& one : hosts) {
-        instantiation::instances_request question{prefix};
-        auto response = co_await one.server.try_call(instantiation::services::instances, std::move(question),
-                                                     std::min(in.left(), duration(std::chrono::seconds(3))));
-        if (!response) {
-            if (hosts.size() == 1) throw problem(response.error());
-            note(in.set, fmt::format("{} does not answer: {}", one.name, response.error().message()));
+        auto started = co_await instances_of(in, one, prefix);
+        if (!started) {
+            if (hosts.size() == 1) throw problem(started.error());
+            note(in.set, fmt::format("{} does not answer: {}", one.name, started.error().message()));
             continue;
         }
-        for (auto& instance : response->instances) all.push_back({one, std::move(instance)});
+        for (auto& instance : *started) all.push_back({one, std::move(instance)});
     }
     co_return all;
 }

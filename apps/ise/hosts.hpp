@@ -26,6 +26,10 @@ struct found_instance {
     host_server host;
     instantiation::instance_info instance;
 };
+/// What a host has started below a prefix; why it does not answer, after 3 s at most.
+task<result<std::vector<instantiation::instance_info>>> instances_of(context& in, host_server of, std::string prefix);
+/// Instantiation servers that were lost without being stopped, as far as the name server knows.
+task<std::vector<naming::lost_name>> lost_hosts(context& in);
 /// What all hosts have started, by host and path. A host that does not answer is told in a note.
 task<std::vector<found_instance>> instances_there(context& in, std::string host, std::string prefix);
 /// One of them; problem(not_reached) with the nearest that there are, problem(usage) if several hosts have it.

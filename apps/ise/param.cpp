@@ -68,17 +68,40 @@ task<std::vector<parameter_info>> ask_parameters(context& in, remote who, std::s
     co_return std::move(response->parameters);
 }
 
-/// Whoever has started it sets them, so that they hold after a restart too; null where nobody has.
+/// The instantiation server that has started a component sets its parameters, so that they hold after a restart too;
+/// none if it was started otherwise. Throws a problem if a server that may have started it does not answer.
 task<std::optional<host_server>> starter_of(context& in, std::string path) {
-    std::vector<found_instance> all;
+    std::vector<host_server> hosts;
     try {
-        all = co_await instances_there(in, "", path);
+        hosts = co_await hosts_there(in, "");
     } catch (const problem& none) {
         if (none.name() != "no_such_name") throw;
     }
-    for (auto& one : all)
-        if (one.instance.path == path && one.instance.process_id != 0) co_return one.host;
+    std::optional<problem> unknown;
+    for (const auto& host : hosts) {
+        auto started = co_await instances_of(in, host, path);
+        if (!started) {
+            failure why(started.error().code(),
+                        fmt::format("nothing was set: the instantiation server of {} may have started '{}', and does "
+                                    "not answer: {}",
+                                    host.name, path, started.error().message()));
+            unknown.emplace(why, "a value that is set without that server holds until the next start only: try again");
+            continue;
+        }
+        for (const auto& one : *started)
+            if (one.path == path && one.process_id != 0) co_return host;
+    }
+    if (unknown) throw problem(*unknown);
     co_return std::nullopt;
+}
+
+task<> note_lost_starter(context& in, component_info about) {
+    for (const auto& lost : co_await lost_hosts(in))
+        if (lost.host_name == about.host_name)
+            note(in.set, fmt::format("{} on {} was lost without being stopped: if it has started {}, the value holds "
+                                     "until the next start only; start that server again with the same --state, and "
+                                     "set the value again",
+                                     lost.path, lost.host_name, about.path));
 }
 
 task<> set_parameter(context& in, remote who, param_options options) {
@@ -88,6 +111,7 @@ task<> set_parameter(context& in, remote who, param_options options) {
         auto about = co_await ask_about(in, who); // its own path: the name may be a role
         path = about.path;
         starter = co_await starter_of(in, path);
+        if (!starter) co_await note_lost_starter(in, std::move(about));
     }
     if (starter) {
         instantiation::set_request request;

@@ -33,6 +33,13 @@ instance_info instance::text() const {
     return made;
 }
 
+start_request instance::asked_again() const {
+    auto made = asked;
+    made.path = plan.path;
+    made.name_space.clear();
+    return made;
+}
+
 saved_instance instance::saved() const {
     saved_instance made;
     made.asked = asked;

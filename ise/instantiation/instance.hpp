@@ -42,6 +42,8 @@ struct instance {
     std::vector<waiter<>*> awaiting; ///< a change of it
 
     instance_info text() const;
+    /// As it was asked for, with the path that it has: another plan of it keeps that.
+    start_request asked_again() const;
     /// Whether its environment variables would be others.
     bool other_environment(const start_request& wanted) const;
     saved_instance saved() const;

@@ -32,7 +32,8 @@ result<void> may_listen(const endpoint& at, const security& credentials) {
 /// Each part knows those before it.
 struct instantiation_server::parts {
     parts(server_context& context, remote name_server);
-    void offer_services();
+    void publish();
+    void provide();
     void stop();
 
     server_context& here;
@@ -63,7 +64,7 @@ private:
 instantiation_server::parts::parts(server_context& context, remote name_server)
     : here(context), types(here), table(here), state(here, table), instances(here, table, state, actions()),
       probes(here, instances), names(here, instances, std::move(name_server)),
-      shared(here, table, state, instances, names), processes(here, state, instances, names, shared),
+      shared(here, table, state, instances, names), processes(here, types, state, instances, names, shared),
       starting(here, types, table, instances, names, shared),
       changing(here, types, table, instances, probes, shared, starting), checking(here, types, table, names, shared),
       former(here, types, instances, names, shared, processes) {}
@@ -86,7 +87,12 @@ supervisor::actions instantiation_server::parts::actions() {
     return made;
 }
 
-void instantiation_server::parts::offer_services() {
+void instantiation_server::parts::publish() {
+    events = here.self.publish(services::events);
+    output = std::make_unique<output_feed>(here, table);
+}
+
+void instantiation_server::parts::provide() {
     auto& self = here.self;
     self.provide(services::types, [this](types_request) { return types.describe(); });
     self.provide(services::start, [this](start_request request, const call_context& by) {
@@ -130,8 +136,6 @@ void instantiation_server::parts::offer_services() {
         piece.path = request.path;
         return piece;
     });
-    events = self.publish(services::events);
-    output = std::make_unique<output_feed>(here, table);
 }
 
 void instantiation_server::parts::stop() {
@@ -148,17 +152,20 @@ instantiation_server::instantiation_server(machine& host, server_options options
 instantiation_server::~instantiation_server() = default;
 
 task<> instantiation_server::run() {
-    here_.stopping = false; // a run before this one may have failed
+    here_.stopping = took_over_ = false; // a run before this one may have failed
     for (const auto& at : this->services().listening()) may_listen(at, this->services().peers().credentials()).value();
     parts_ = std::make_unique<parts>(here_, at(here_.options.name_servers, std::string(naming::server_path)));
-    parts_->offer_services();
-    struct ending { // whatever ends from now on
+    parts_->publish(); // at once: subscribers of the server before may come back
+    struct ending {    // whatever ends from now on
         parts& all;
         ~ending() { all.stop(); }
     } guard{*parts_};
     co_await parts_->types.refresh();
     for (const auto& problem : parts_->types.known().problems()) log().warning(problem);
     parts_->former.restore(parts_->state.load());
+    took_over_ = true;
+    parts_->state.begin();
+    parts_->provide(); // a request before would be answered, or carried out, without what runs already
     co_await ready();
     co_await sleep_till(time_point::max());
 }

@@ -2,6 +2,7 @@
 #include <ise/instantiation/server_context.hpp>
 #include <ise/transport/security.hpp>
 
+#include <atomic>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -26,6 +27,10 @@ public:
     instantiation_server(machine& host, server_options options);
     ~instantiation_server() override;
 
+    /// Whether it goes on with all that a server before it had started: until then that one's state is still needed.
+    /// From any thread.
+    bool has_taken_over() const noexcept { return took_over_; }
+
 private:
     struct parts;
 
@@ -33,6 +38,7 @@ private:
 
     server_context here_;
     std::unique_ptr<parts> parts_; // as soon as it runs
+    std::atomic<bool> took_over_ = false;
 };
 
 } // namespace ise::instantiation

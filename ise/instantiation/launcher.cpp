@@ -9,9 +9,20 @@
 #include <utility>
 
 namespace ise::instantiation {
+namespace {
+
+constexpr duration max_planning = std::chrono::seconds(30);
+
+} // namespace
 
 task<> launcher::launch(instance_ptr one, std::uint64_t life) {
     co_await names_.wait_until_free(one, life);
+    if (life == one->life && one->plan.program.empty()) {
+        // Not within the time of a launch: a busy machine must not use up the restarts.
+        one->watch.launch_by(saturating_add(here_.self.now() + max_planning, 2 * one->asked.terms.ready_within));
+        instances_.changed(one);
+        co_await plan_later(one, life);
+    }
     if (life != one->life) co_return;
     std::string why;
     if (one->watch.state() != instance_state::starting) why = "it was stopped before it was started";
@@ -21,6 +32,21 @@ task<> launcher::launch(instance_ptr one, std::uint64_t life) {
     if (!why.empty()) instances_.carry_out(one, one->watch.not_launched(here_.self.now(), why));
     else if (one->asked.process.empty()) co_await launch_alone(one, life);
     else co_await shared_.launch(one, life);
+}
+
+task<> launcher::plan_later(instance_ptr one, std::uint64_t life) {
+    auto until = here_.self.now() + max_planning;
+    auto still = [&] { return life == one->life && one->plan.program.empty() && !one->watch.over(); };
+    while (still() && here_.self.now() < until) {
+        co_await types_.refresh();
+        auto planned = types_.known().plan(one->asked_again(), here_.options.rules, here_.self.env().random());
+        if (planned && still()) {
+            one->plan = std::move(*planned);
+            instances_.changed(one); // it may have a probe now
+        }
+        if (planned || types_.known().problems().empty()) co_return;
+        co_await here_.self.sleep(std::chrono::seconds(1));
+    }
 }
 
 task<> launcher::launch_alone(instance_ptr one, std::uint64_t life) {

@@ -21,13 +21,15 @@ failure refused(std::string_view what, const std::string& path) {
     return io_failure(fmt::format("cannot {} {}", what, path), std::error_code(errno, std::system_category()));
 }
 
-std::string read_some(int from, std::uint64_t offset, std::size_t most) {
+// Less than `most` only at the end of the file.
+result<std::string> read_some(int from, std::uint64_t offset, std::size_t most, const std::string& path) {
     std::string text(most, '\0');
     std::size_t have = 0;
     while (have < most) {
         auto got = ::pread(from, text.data() + have, most - have, static_cast<off_t>(offset + have));
         if (got < 0 && errno == EINTR) continue;
-        if (got <= 0) break;
+        if (got < 0) return refused("read", path);
+        if (got == 0) break;
         have += static_cast<std::size_t>(got);
     }
     text.resize(have);
@@ -80,11 +82,12 @@ result<std::string> real_machine::read_file(const std::string& path, std::size_t
     if (!file) return refused("read", path);
     std::string text;
     for (;;) {
-        auto piece = read_some(file.get(), text.size(), 65536);
-        text += piece;
+        auto piece = read_some(file.get(), text.size(), 65536, path);
+        if (!piece) return piece.error();
+        text += *piece;
         if (text.size() > max_bytes)
             return failure(errc::too_large, fmt::format("{} has more than {} bytes", path, max_bytes));
-        if (piece.empty()) return text;
+        if (piece->empty()) return text;
     }
 }
 
@@ -104,7 +107,9 @@ std::uint64_t real_machine::size_of(const std::string& path) const {
 
 std::string real_machine::read_part(const std::string& path, std::uint64_t offset, std::size_t max_bytes) const {
     file_handle file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-    return file ? read_some(file.get(), offset, max_bytes) : std::string();
+    if (!file) return {};
+    auto piece = read_some(file.get(), offset, max_bytes, path);
+    return piece ? std::move(*piece) : std::string();
 }
 
 void real_machine::remove(const std::string& path) { ::unlink(path.c_str()); }

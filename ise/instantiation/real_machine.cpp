@@ -141,6 +141,21 @@ std::unique_ptr<process> watched(loop& on, kept_entry who, file_handle watch,
 
 constexpr auto max_start_time = std::chrono::seconds(5);
 
+/// The program of a keeper, which may be a later life than `known`. A keeper without one may be about to start it: none
+/// if it ends first, or does not start it in time.
+process_stamp program_of(const process_stamp& keeper, const file_handle& watch, const process_stamp& known,
+                         const std::string& mark) {
+    auto until = std::chrono::steady_clock::now() + max_start_time;
+    do {
+        for (const auto& one : descendants_of(keeper.pid))
+            if (one.parent == keeper.pid && one.group == one.stamp.pid && carries_mark(one.stamp.pid, mark))
+                return one.stamp;
+        pollfd ended{watch.get(), POLLIN, 0};
+        if (known.pid != 0 || ::poll(&ended, 1, 1) == 1) break;
+    } while (std::chrono::steady_clock::now() < until);
+    return known;
+}
+
 } // namespace
 
 real_machine::real_machine() : running_(std::make_shared<running>()), cgroup_prefix_(usable_cgroup()) {}
@@ -239,18 +254,16 @@ result<std::unique_ptr<process>> real_machine::adopt(loop& on, process_stamp who
                                                      end_handler ended) {
     auto keeper = find_keeper(mark);
     auto watch = keeper ? open_process(keeper->stamp) : file_handle();
-    if (!watch) {
+    auto leader = watch ? program_of(keeper->stamp, watch, who, mark) : process_stamp{};
+    if (leader.pid == 0) {
+        if (keeper) send_signal(keeper->stamp, SIGKILL); // what it starts now could not be ended
         end_rest(open_process(who) ? process_stamp{} : who, mark);
         return failure(errc::no_such_name, "it does not run any more");
     }
     kept_entry found;
     found.keeper = keeper->stamp;
-    found.leader = who;
+    found.leader = leader;
     found.mark = mark;
-    // Its present life may be a later one than was written down.
-    for (const auto& one : descendants_of(keeper->stamp.pid))
-        if (one.parent == keeper->stamp.pid && one.group == one.stamp.pid && carries_mark(one.stamp.pid, mark))
-            found.leader = one.stamp;
     return watched(on, std::move(found), std::move(watch), running_, std::move(ended));
 }
 

@@ -9,6 +9,7 @@ namespace ise::instantiation {
 saved_state load_state(machine& host, const std::string& file, std::string& problem) {
     auto text = host.read_file(file, max_state_bytes);
     if (!text && text.error().code() == errc::no_such_name) return {};
+    if (!text && text.error().code() != errc::too_large) throw error(text.error());
     try {
         return from_json<saved_state>(text.value());
     } catch (const error& unfit) {

@@ -46,7 +46,8 @@ inline constexpr std::size_t max_state_bytes = std::size_t{16} << 20;
 /// Of the state when an instance is started or changed: the rest is for what becomes of all of them.
 inline constexpr std::size_t max_accepted_bytes = max_state_bytes / 4 * 3;
 
-/// The state of a file; an empty one if there is none yet. A file that is none is moved aside, and told: `problem`.
+/// The state of a file; an empty one if there is none yet. A malformed one is moved aside, and `problem` says so.
+/// Throws errc::io_failed if the file cannot be read: the next attempt may succeed.
 saved_state load_state(machine& host, const std::string& file, std::string& problem);
 /// As it is written to the disk. errc::too_large beyond `max_bytes`.
 result<std::string> text_of(const saved_state& state, std::size_t max_bytes);

@@ -70,9 +70,7 @@ task<start_response> starts::begin_again(instance_ptr one) {
     co_await types_.refresh();
     if (!table_.goes_on(one, stops))
         throw error(errc::refused, fmt::format("'{}' was stopped while its restart began", one->plan.path));
-    auto asked = one->asked;
-    asked.path = one->plan.path;
-    asked.name_space.clear();
+    auto asked = one->asked_again();
     auto objection = objection_to_own(asked, here_.options.rules);
     if (!objection.empty()) throw error(errc::invalid_argument, objection); // it runs on
     one->plan = types_.known().plan(asked, here_.options.rules, here_.self.env().random()).value();

@@ -24,6 +24,7 @@ void state_keeper::check_room(const start_request& more) const {
 }
 
 result<void> state_keeper::try_save() {
+    if (!began_) return {};
     auto kept = save_state(here_.host, file(), now());
     if (!kept) here_.self.log().error(fmt::format("the state is not on disk: {}", kept.error().message()));
     return kept;
@@ -34,6 +35,11 @@ saved_state state_keeper::load() {
     auto before = load_state(here_.host, file(), problem);
     if (!problem.empty()) here_.self.log().error(problem);
     return before;
+}
+
+void state_keeper::begin() {
+    began_ = true;
+    save();
 }
 
 } // namespace ise::instantiation

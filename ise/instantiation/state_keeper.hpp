@@ -13,11 +13,14 @@ public:
 
     /// Throws errc::overloaded where the state, with this request more, would be too large to be kept.
     void check_room(const start_request& more) const;
-    /// The whole table goes to the disk. An error is logged, too.
+    /// The whole table goes to the disk, once `begin` was called. An error is logged, too.
     result<void> try_save();
     void save() { [[maybe_unused]] auto logged = try_save(); }
-    /// Empty where there is none, or where it cannot be read, which is logged.
+    /// Empty where there is none, or where it is malformed, which is logged. Throws errc::io_failed if the disk fails.
     saved_state load();
+    /// The table holds all that was loaded. It is saved now, and on each change from now on; until then the former one
+    /// stays on the disk, for the server after a crash.
+    void begin();
 
 private:
     saved_state now() const;
@@ -25,6 +28,7 @@ private:
 
     server_context& here_;
     const instance_table& table_;
+    bool began_ = false;
 };
 
 } // namespace ise::instantiation

@@ -60,6 +60,10 @@ void supervision::adopt_over(instance_state state, std::string reason, std::uint
     become(state, std::move(reason));
 }
 
+void supervision::launch_by(time_point latest) {
+    if (state_ == instance_state::starting && launching_) next_ = latest;
+}
+
 void supervision::launched(time_point now) {
     launching_ = false;
     running_ = true;

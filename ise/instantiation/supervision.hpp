@@ -32,6 +32,8 @@ public:
     /// It was over before this instantiation server started.
     void adopt_over(instance_state state, std::string reason, std::uint32_t restarts);
 
+    /// How it is launched is not known yet: it has until then for that.
+    void launch_by(time_point latest);
     void launched(time_point now);
     act not_launched(time_point now, const std::string& why);
     void ready();

@@ -18,11 +18,11 @@ void takeover::restore(const saved_state& before) {
 }
 
 void takeover::restore(const saved_instance& before, bool same_boot) {
-    auto planned = types_.known().plan(before.asked, here_.options.rules, here_.self.env().random());
-    launch_plan what;
-    if (planned) what = std::move(*planned);
-    what.path = before.path;
-    auto one = instances_.add(before.asked, std::move(what));
+    launch_plan unknown;
+    unknown.path = before.path;
+    auto one = instances_.add(before.asked, std::move(unknown));
+    auto planned = types_.known().plan(one->asked_again(), here_.options.rules, here_.self.env().random());
+    if (planned) one->plan = std::move(*planned);
     one->since = before.since;
     one->version = before.program_version;
     one->former = before.former;
@@ -52,6 +52,7 @@ void takeover::restore(const saved_instance& before, bool same_boot) {
     if (before.state == instance_state::stopping)
         instances_.carry_out(one, one->watch.stop(here_.self.now(), one->asked.terms.grace));
     else instances_.changed(one);
+    if (!planned) here_.self.spawn("plan of " + before.path, processes_.plan_later(one, one->life));
     if (one->watch.state() == instance_state::starting)
         here_.self.spawn("readiness of " + before.path, names_.follow_readiness(one, one->life));
 }

@@ -11,7 +11,7 @@ public:
              shared_processes& shared, launcher& processes)
         : here_(here), types_(types), instances_(instances), names_(names), shared_(shared), processes_(processes) {}
 
-    /// Once, before anything is started.
+    /// Once, before anything is started and before the state is saved.
     void restore(const saved_state& before);
 
 private:

@@ -65,6 +65,35 @@ TEST_CASE("what a killed instantiation server had started is not told to be down
     CHECK(in.left_behind().empty());
 }
 
+TEST_CASE("a parameter is not set without the instantiation server that has to keep it, or with a warning") {
+    two_hosts in;
+    in.up(in.file("sea.toml", both));
+    auto set = [&](const char* value) { return in.ise({"param", "set", "sea/one", "answer", value}); };
+    auto answer = [&] { return in.json_of({"call", "sea/one", "ask"})["answer"]; };
+    in.crash("boat");
+    forget_host(in, "boat");
+    auto lost = set("3");
+    CHECK(lost.exit_code == 0);
+    CHECK_THAT(lost.err, Contains("ise/host/boat on ") && Contains("holds until the next start only"));
+    CHECK(answer() == 3);
+    ise_test::start_options options;
+    options.variables = {{"ISE_NAME_SERVER", in.name_server()}};
+    ise_test::program silent( // registered as one, and answers no request to one
+        {"ise_trouble", "run", "trouble", "--path=ise/host/boat", "--log-level=error"}, options);
+    in.done({"--wait", "--timeout", "60s", "describe", "--names", "ise/host/boat"});
+    auto refused = set("2");
+    CHECK(refused.exit_code == 3);
+    CHECK_THAT(refused.err, Contains("nothing was set") && Contains("the instantiation server of boat"));
+    CHECK(answer() == 3);
+    silent.signal(SIGTERM);
+    silent.wait();
+    in.open("boat");
+    auto kept = set("4");
+    CHECK(kept.exit_code == 0);
+    CHECK(kept.err.empty());
+    CHECK(in.state("sea/one")["arguments"][0]["value"] == "4");
+}
+
 TEST_CASE("the components of a host that is gone for good are moved to another one") {
     two_hosts in;
     auto file = in.file("sea.toml", both);

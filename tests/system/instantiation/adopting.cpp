@@ -195,6 +195,22 @@ TEST_CASE("an instantiation server can leave what runs to the next one") {
     CHECK(here.state("sea/one")["process_id"] == pid);
 }
 
+TEST_CASE("an instantiation server that is asked to end before it took over what runs leaves it to the next one") {
+    host here;
+    here.open();
+    int pid = here.start("sea/one")["process_id"];
+    here.crash();
+    const auto slow = here.programs() / "slow";
+    std::ofstream(slow) << "#!/bin/sh\nexec sleep 60\n"; // its --describe is waited for
+    std::filesystem::permissions(slow, std::filesystem::perms::owner_all);
+    here.boot();
+    CHECK(here.close() == 0);
+    CHECK(lives(pid));
+    std::filesystem::remove(slow);
+    here.open();
+    CHECK(here.state("sea/one")["process_id"] == pid);
+}
+
 TEST_CASE("an instantiation server refuses what would make it unsafe") {
     host here;
     auto refused = [&](std::vector<std::string> options, std::string programs = {}, std::string state = {}) {

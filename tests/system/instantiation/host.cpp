@@ -53,6 +53,13 @@ void host::install(const std::string& name) {
 }
 
 void host::open(std::vector<std::string> options) {
+    boot(std::move(options));
+    auto there = ise({"--wait", "--timeout", "60s", "describe", "--names", "ise/host/shore"});
+    INFO(there.err);
+    REQUIRE(there.exit_code == 0);
+}
+
+void host::boot(std::vector<std::string> options) {
     std::vector<std::string> words{"ise_instantiation_server",
                                    "--programs",
                                    programs().string(),
@@ -68,9 +75,6 @@ void host::open(std::vector<std::string> options) {
     auto line = server_->read_line();
     INFO(line);
     REQUIRE(line.find("ise/host/shore") != std::string::npos);
-    auto there = ise({"--wait", "--timeout", "60s", "describe", "--names", "ise/host/shore"});
-    INFO(there.err);
-    REQUIRE(there.exit_code == 0);
 }
 
 void host::crash() {

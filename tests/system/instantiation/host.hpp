@@ -28,6 +28,8 @@ public:
 
     /// Starts its instantiation server; the one before must have ended.
     void open(std::vector<std::string> options = {});
+    /// The same without waiting until it has taken over what runs.
+    void boot(std::vector<std::string> options = {});
     /// kill -9 of it.
     void crash();
     /// Asks it to end, and waits: its exit code.

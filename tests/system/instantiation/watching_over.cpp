@@ -36,7 +36,10 @@ TEST_CASE("a component that ends well is started again only if it is to run alwa
     here.ise({"call", "sea/two", "leave", "{}"});
     wait_until([&] { return here.state("sea/one")["state"] == "stopped"; });
     CHECK(here.state("sea/one")["reason"] == "exit code 0");
-    wait_until([&] { return here.state("sea/two")["state"] == "ready" && here.state("sea/two")["restarts"] == 1; });
+    wait_until([&] {
+        auto now = here.state("sea/two");
+        return now["state"] == "ready" && now["restarts"] == 1;
+    });
 }
 
 TEST_CASE("a component that ends again and again has failed in the end") {

@@ -92,7 +92,13 @@ public:
         open();
     }
 
+    /// Starts its server, and waits until that is registered.
     void open() {
+        boot();
+        REQUIRE(system.world.run_until([&] { return system.holds("ise/host/shore"); }, 30s));
+    }
+    /// The same without waiting.
+    void boot() {
         auto begin = [this](ise::node& node) {
             server_options options;
             options.programs_folder = "/programs";
@@ -100,7 +106,9 @@ public:
             options.name_servers = {
                 ise::endpoint::parse("tcp://" + system.world.host("ns").address() + ":7400").value()};
             options.max_starts = 10;
-            node.start<instantiation_server>(path_of_host("shore"), ise::component_options(), host, options);
+            ise::component_options where;
+            where.listen = {ise::endpoint::parse("tcp://127.0.0.1:7500").value()};
+            component = &node.start<instantiation_server>(path_of_host("shore"), where, host, options);
         };
         auto& shore = system.world.host("shore");
         std::map<std::string, std::string> variables;
@@ -115,7 +123,18 @@ public:
                 return made;
             },
             variables);
-        REQUIRE(system.world.run_until([&] { return system.holds("ise/host/shore"); }, 30s));
+    }
+    /// The server crashes at that operation, counted from now on; the result is true as soon as it has.
+    std::shared_ptr<const bool> crash_at(int fatal) {
+        auto dead = std::make_shared<bool>(false);
+        host.may = [this, dead, fatal, operations = 0]() mutable {
+            if (!*dead && ++operations == fatal) {
+                *dead = true;
+                server->crash();
+            }
+            return !*dead;
+        };
+        return dead;
     }
 
     /// What a client on the host gets.
@@ -161,7 +180,8 @@ public:
     names_test::system system;
     virtual_machine host;
     ise::sim::process* server = nullptr;
-    std::string access_policy; ///< of the next server; empty: none
+    instantiation_server* component = nullptr; ///< in that process
+    std::string access_policy;                 ///< of the next server; empty: none
 };
 
 } // namespace
@@ -341,15 +361,7 @@ TEST_CASE("a crash of the server at any of its operations loses no process and s
     int crashes = 0;
     for (int fatal = 1;; ++fatal) {
         harbour in;
-        int operations = 0;
-        bool dead = false;
-        in.host.may = [&] {
-            if (!dead && ++operations == fatal) {
-                dead = true;
-                in.server->crash();
-            }
-            return !dead;
-        };
+        auto dead = in.crash_at(fatal);
         // One comes to be, another is restarted by its policy, a third is stopped, as far as the server lives.
         auto ask = [&](auto service, auto request) {
             in.system.start("shore", "client", [&](ise::node& node) {
@@ -369,10 +381,10 @@ TEST_CASE("a crash of the server at any of its operations loses no process and s
             ask(host_services::start, request);
         }
         for (const auto& one : in.host.running())
-            if (one->path == "sea/one" && !dead) in.host.end(*one, {true, true, 9});
+            if (one->path == "sea/one" && !*dead) in.host.end(*one, {true, true, 9});
         in.system.world.run_for(10s);
         ask(host_services::stop, stop_request{"sea/two", std::nullopt});
-        if (!dead) break; // it has outlived all of it
+        if (!*dead) break; // it has outlived all of it
         ++crashes;
         in.host.may = [] { return true; };
         in.open();
@@ -390,6 +402,95 @@ TEST_CASE("a crash of the server at any of its operations loses no process and s
             CHECK(std::ranges::count_if(in.host.running(), [&](const auto& one) { return one->path == path; }) <= 1);
     }
     CHECK(crashes > 10);
+}
+
+TEST_CASE("a crash of the server at any operation of a takeover loses no instance") {
+    int crashes = 0;
+    for (int fatal = 1;; ++fatal) {
+        harbour in;
+        const auto paths = {"sea/one", "sea/two", "sea/three"};
+        for (const char* path : paths) REQUIRE(in.start(path, restart_policy::always).outcome == start_outcome::ready);
+        in.server->crash();
+        in.host.end(in.host.at("sea/three"), {true, true, 9}); // its next life is part of the takeover
+        auto dead = in.crash_at(fatal);
+        in.boot();
+        in.system.world.run_for(30s);
+        if (!*dead) break;
+        ++crashes;
+        in.host.may = [] { return true; };
+        in.open();
+        INFO("it died at operation " << fatal);
+        for (const char* path : paths) CHECK(in.becomes(path, instance_state::ready));
+        CHECK(in.host.running().size() == 3);
+    }
+    CHECK(crashes > 2);
+}
+
+TEST_CASE("a server that has not taken over yet answers no request, and leaves the state alone") {
+    harbour in;
+    REQUIRE(in.start("sea/one").outcome == start_outcome::ready);
+    CHECK(in.component->has_taken_over());
+    in.server->crash();
+    const auto state = in.host.files.at("/state/state.json");
+    in.host.installed["silents"].describes_after = 4s;
+    in.boot();
+    auto answer = std::make_shared<std::optional<ise::errc>>();
+    in.system.start("shore", "client", [answer](ise::node& node) {
+        node.start("", [answer](ise::component& self) -> ise::task<> { // it knows the endpoint from before
+            auto server = self.at(ise::endpoint::parse("tcp://127.0.0.1:7500").value());
+            start_request request;
+            request.type = "doubler";
+            request.path = "sea/one";
+            auto got = co_await server.try_call(host_services::start, std::move(request), 1s);
+            *answer = got ? ise::errc{} : got.error().code();
+        });
+    });
+    in.system.world.run_for(2s);
+    CHECK_FALSE(in.component->has_taken_over());
+    CHECK(*answer == ise::errc::no_such_service);
+    CHECK(in.host.files.at("/state/state.json") == state);
+    REQUIRE(in.system.world.run_until([&] { return in.component->has_taken_over(); }, 10s));
+    REQUIRE(in.becomes("sea/one", instance_state::ready));
+    CHECK(in.host.launches.size() == 1);
+}
+
+TEST_CASE("a program that does not describe itself in time at a takeover is asked again") {
+    harbour in;
+    restart_terms hasty; // no time for a description
+    hasty.policy = restart_policy::on_failure;
+    hasty.first_pause = 10ms;
+    hasty.max_pause = 10ms;
+    hasty.ready_within = 1s;
+    for (const char* path : {"sea/one", "sea/two"}) {
+        start_request request;
+        request.type = "doubler";
+        request.path = path;
+        request.terms = hasty;
+        REQUIRE(in.call(host_services::start, request).outcome == start_outcome::ready);
+    }
+    in.server->crash();
+    in.host.installed["doublers"].describes_after = 6s;
+    in.open();
+    CHECK(in.state("sea/two").program.empty());
+    in.host.end(in.host.at("sea/one"), {true, true, 9});
+    in.system.world.run_for(10s);
+    CHECK(in.state("sea/one").state == instance_state::starting);
+    in.host.installed["doublers"].describes_after = {};
+    CHECK(in.becomes("sea/one", instance_state::ready));
+    CHECK(in.state("sea/one").restarts == 1);
+    CHECK(in.state("sea/two").program == "doublers"); // its probe is back
+    CHECK(in.state("sea/two").state == instance_state::ready);
+}
+
+TEST_CASE("what was taken over and is installed no more fails at its restart") {
+    harbour in;
+    REQUIRE(in.start("sea/one", restart_policy::on_failure).outcome == start_outcome::ready);
+    in.server->crash();
+    in.host.installed["doublers"].description = describe("tripler");
+    in.open();
+    in.host.end(in.host.at("sea/one"), {true, true, 9});
+    CHECK(in.becomes("sea/one", instance_state::failed));
+    CHECK_THAT(in.state("sea/one").reason, Contains("no program here has the type 'doubler' any more"));
 }
 
 TEST_CASE("the name of a deployment is a name, so that no start fills the state") {
@@ -449,6 +550,20 @@ TEST_CASE("a state that cannot be read is set aside, whatever its size") {
         CHECK((in.host.files["/state/state.json.unreadable"] == content)); // too large to be printed
         CHECK(in.host.files["/state/state.json"].size() < 10'000);
     }
+}
+
+TEST_CASE("a server that cannot read its state leaves that alone, and does not run") {
+    harbour in;
+    REQUIRE(in.start("sea/one").outcome == start_outcome::ready);
+    in.server->crash();
+    in.host.reads = false;
+    in.boot();
+    in.system.world.run_for(30s);
+    CHECK_FALSE(in.system.holds("ise/host/shore"));
+    in.server->crash();
+    in.host.reads = true;
+    in.open();
+    CHECK(in.state("sea/one").adopted);
 }
 
 TEST_CASE("a start in a shared process that takes too long ends nobody else there, and leaves nothing behind") {

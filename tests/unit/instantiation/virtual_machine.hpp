@@ -1,6 +1,7 @@
 // The host of an instantiation server in the virtual world: its programs are virtual processes, its files a map. It
 // goes on when the server crashes, at any of its operations if a test wants that.
 #pragma once
+#include <ise/core/sleep.hpp>
 #include <ise/instantiation/machine.hpp>
 #include <ise/naming/services.hpp>
 #include <ise/sim/world.hpp>
@@ -23,6 +24,7 @@ public:
         std::function<std::shared_ptr<void>(ise::sim::process&, const std::vector<std::string>& words)> run;
         std::string version = "1";        ///< another after it was built again
         ise::duration lasts_after_term{}; ///< how long it takes to end
+        ise::duration describes_after{};  ///< how long it takes to describe itself
         bool deaf = false;
     };
 
@@ -32,6 +34,7 @@ public:
     std::string host;
     std::map<std::string, program> installed; ///< by the name of its file
     std::map<std::string, std::string> files;
+    bool reads = true;                                             ///< false: the disk fails when a file is read
     std::vector<std::pair<ise::time_point, std::string>> launches; ///< when, and of which path
     /// Called before each operation that changes something; false: the server is dead, and this does not happen any
     /// more.
@@ -116,11 +119,17 @@ public:
         auto found = installed.find(file.substr(file.rfind('/') + 1));
         return found == installed.end() ? std::string() : found->second.version;
     }
-    ise::task<ise::result<std::string>> ask(ise::loop&, std::string name, std::size_t, ise::duration) override {
-        ise::result<std::string> outcome(installed.at(name.substr(name.rfind('/') + 1)).description);
+    ise::task<ise::result<std::string>> ask(ise::loop& on, std::string name, std::size_t,
+                                            ise::duration limit) override {
+        auto asked = installed.at(name.substr(name.rfind('/') + 1));
+        co_await ise::sleep_for(on, std::min(limit, asked.describes_after));
+        if (asked.describes_after > limit)
+            co_return ise::failure(ise::errc::timed_out, name + " --describe: it did not end in time");
+        ise::result<std::string> outcome(std::move(asked.description));
         co_return outcome;
     }
     ise::result<std::string> read_file(const std::string& path, std::size_t max_bytes) const override {
+        if (!reads) return ise::failure(ise::errc::io_failed, "cannot read " + path);
         auto found = files.find(path);
         if (found == files.end()) return ise::failure(ise::errc::no_such_name, "no such file");
         if (found->second.size() > max_bytes) return ise::failure(ise::errc::too_large, path + " is too large");
