@@ -205,6 +205,25 @@ TEST_CASE("a call of a component that is not there times out, not executed, and 
     CHECK_THAT(got.error().message(), Contains("boat:9999") && Contains("refused"));
 }
 
+TEST_CASE("calls that wait for a session end at their deadlines, also a hundred thousand of them") {
+    fixture at;
+    at.all.world.net().partition("boat", "shore");
+    constexpr int calls = 100'000;
+    int ended = 0;
+    auto ask = [](ise::remote to, int& count) -> ise::task<> {
+        for (int i = 0; i < calls; ++i)
+            to.try_call(helm, set_mode{"hold"}, 3s + std::chrono::microseconds(i), [&count](outcome got) {
+                if (!got && got.error().executed() == execution::not_executed) ++count;
+            });
+        co_return;
+    };
+    at.all.run(at.shore, ask(at.there, ended));
+    const auto before = std::chrono::steady_clock::now();
+    at.all.world.run_for(4s);
+    CHECK(std::chrono::steady_clock::now() - before < 30s); // a hundred times what it takes
+    CHECK(ended == calls);
+}
+
 TEST_CASE("a call waits for a component that comes up within its deadline") {
     sim_parties all;
     auto& boat = all.add("boat");
