@@ -584,6 +584,28 @@ TEST_CASE("what goes on at a handler's executor after its answer has neither its
     CHECK(*errand);
 }
 
+TEST_CASE("a handler's executor may be kept for longer than its service is provided") {
+    fixture at;
+    std::optional<outcome> errand;
+    std::optional<asio::any_io_executor> kept;
+    at.boat.provide(echo, [&](blob given) -> ise::task<blob> {
+        kept = co_await ise::this_task::executor;
+        co_return given;
+    });
+    CHECK(at.all.run(at.shore, try_echo(at.there, 8, 2s)));
+    at.boat.services->services().remove("echo");
+    at.there = {};
+    REQUIRE(at.all.run_until([&] { return at.boat.services->sessions().empty(); })); // which knew the service
+    CHECK(ise::context_of(*kept)->deadline == ise::time_point::max());
+    auto run_errand = [](ise::remote to, std::optional<outcome>& into) -> ise::task<> {
+        auto got = co_await try_helm(to, "hold");
+        into.emplace(std::move(got));
+    };
+    ise::async_run(*kept, run_errand(at.boat.at("tcp://boat:7400"), errand), asio::detached);
+    REQUIRE(at.all.run_until([&] { return errand.has_value(); }));
+    CHECK(*errand);
+}
+
 TEST_CASE("a handler calls its caller back over the same session, without deadlock") {
     sim_parties all;
     auto& boat = all.add("boat");
