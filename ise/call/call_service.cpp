@@ -12,7 +12,10 @@ namespace ise {
 
 call_worker::call_worker(call_service& service, service_runtime& runtime)
     : service_(service), runtime_(runtime), wake_(runtime.on(), uninterrupted),
-      deadline_(runtime.on(), [this] { expire(); }) {}
+      deadline_(runtime.on(), [this] { expire(); }), contexts_(call_contexts::of(runtime.on())),
+      context_(contexts_->take()) {}
+
+call_worker::~call_worker() { contexts_->give_back(context_); }
 
 // A call that leads back to the handler that made it can only be among those that came while it ran.
 void call_worker::note_waiting(const call_origin& from) {

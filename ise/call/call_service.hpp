@@ -24,7 +24,7 @@ struct waiting_call;
 class call_worker {
 public:
     call_worker(call_service& service, service_runtime& runtime);
-    virtual ~call_worker() = default;
+    virtual ~call_worker();
 
     /// Cancels the handler that runs now.
     void give_up();
@@ -70,7 +70,8 @@ private:
     held<call_origin> from_;               // context_ borrows the name of who called
     bool wanted_ = false;                  // somebody waits for the answer
     time_point began_ = time_point::max(); // max: it is not measured
-    call_context context_;
+    std::shared_ptr<call_contexts> contexts_;
+    call_context& context_;
     std::string waiting_; // context_ borrows it
     bool busy_ = false;
 };

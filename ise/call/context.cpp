@@ -2,6 +2,7 @@
 
 #include <ise/core/asio_compat.hpp>
 #include <ise/core/executor.hpp>
+#include <ise/core/loop.hpp>
 #include <ise/core/loop_executor.hpp>
 
 #include <asio/any_io_executor.hpp>
@@ -54,6 +55,28 @@ using plain = context_executor<loop_executor>;
 using general = context_executor<asio::any_io_executor>;
 
 } // namespace
+
+const std::shared_ptr<call_contexts>& call_contexts::of(loop& on) {
+    struct kept {
+        std::shared_ptr<call_contexts> all = std::make_shared<call_contexts>();
+    };
+    return on.common<kept>().all;
+}
+
+call_context& call_contexts::take() {
+    if (free_.empty()) {
+        free_.reserve(all_.size() + 1); // `give_back` needs no memory
+        free_.push_back(all_.emplace_back(std::make_unique<call_context>()).get());
+    }
+    auto& taken = *free_.back();
+    free_.pop_back();
+    return taken;
+}
+
+void call_contexts::give_back(call_context& unused) noexcept {
+    unused = call_context();
+    free_.push_back(&unused);
+}
 
 asio::any_io_executor with_context(const asio::any_io_executor& on, const call_context* context) {
     if (auto* inner = executor_cast<loop_executor>(on)) return plain(*inner, context);

@@ -5,8 +5,10 @@
 #include <ise/core/verified_peer.hpp>
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace ise {
 
@@ -27,7 +29,25 @@ struct call_context {
 /// Text for a call that timed out inside `context`: that it may have waited for its own handler. Empty if it did not.
 std::string suspected_cycle(const call_context& context);
 
-/// `on`, carrying `context`, which outlives every coroutine on it.
+class loop;
+
+/// The contexts of the handlers on a loop. They stay as long as the loop: an executor that carries one may be kept for
+/// longer than its handler and its service are there.
+class call_contexts {
+public:
+    /// Those of `on`. A handler whose loop was abandoned keeps them for longer.
+    static const std::shared_ptr<call_contexts>& of(loop& on);
+
+    /// One that nobody uses.
+    call_context& take();
+    void give_back(call_context& unused) noexcept;
+
+private:
+    std::vector<std::unique_ptr<call_context>> all_;
+    std::vector<call_context*> free_;
+};
+
+/// `on`, carrying `context`, which outlives every use of it.
 asio::any_io_executor with_context(const asio::any_io_executor& on, const call_context* context);
 
 /// The context that an executor carries, or null.

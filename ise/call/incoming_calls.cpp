@@ -156,7 +156,7 @@ reply_cache::place incoming_calls::here(std::uint64_t id) {
                                             runtime.options().max_calls_per_session)));
         return {};
     }
-    if (slot_of(id) < running_.size() && (running_[slot_of(id)].of || running_[slot_of(id)].held))
+    if (slot_of(id) < running_.size() && (running_[slot_of(id)].of || running_[slot_of(id)].held_by))
         return malformed("with the number of a call that is not answered yet");
     if (over_.replies_wait()) [[unlikely]] {
         if (auto why = over_.replies_not_taken(execution::not_executed)) {
@@ -187,12 +187,17 @@ bool incoming_calls::may_serve(std::uint32_t number, const incoming_call& call, 
     const bool provided = of.service && !of.service->stopped();
     if (!provided && of.now != state::comparing) bind(number);
     if (of.now == state::ready) return true;
-    if (of.now == state::refused) turn_away(call, of.why);
-    else if (of.held.hold(call, request)) place_of(call.id).held = true;
-    else
+    if (of.now == state::refused) {
+        turn_away(call, of.why);
+    } else if (of.held.hold(call, request)) {
+        auto& place = place_of(call.id);
+        place.held_by = &of;
+        place.id = call.id;
+    } else {
         turn_away(call, failure(errc::overloaded,
                                 fmt::format("{} requests wait for the schemas of '{}' (held_requests, session_bytes)",
                                             of.held.size(), of.name)));
+    }
     return false;
 }
 
@@ -243,7 +248,7 @@ void incoming_calls::compare(std::uint32_t number) {
             of.served = true;
         }
         of.held.release([&](incoming_call& call, incoming_packet request) {
-            place_of(call.id).held = false;
+            place_of(call.id).held_by = nullptr;
             if (may_serve(number, call, request)) serve(of, call, request);
         });
     };
@@ -366,10 +371,10 @@ void incoming_calls::on_cancel(std::uint64_t id) {
         service->withdraw(*this, id);
         return;
     }
-    if (held_.packets == 0) return;
-    for (auto& of : bindings_)
-        of->held.drop(
-            [&](const incoming_call& call) { return call.id == id && std::exchange(place_of(id).held, false); });
+    const auto slot = slot_of(id);
+    if (slot >= running_.size() || running_[slot].id != id || !running_[slot].held_by) return;
+    auto& of = *std::exchange(running_[slot].held_by, nullptr);
+    of.held.drop([id](const incoming_call& call) { return call.id == id; });
 }
 
 bool incoming_calls::is_observed(const running_call& which) noexcept { return call_taps::any() || which.span != 0; }

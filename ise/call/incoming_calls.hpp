@@ -68,8 +68,8 @@ private:
         binding* of = nullptr;
         std::uint64_t id = 0;
         std::uint64_t number = 0;
-        bool elsewhere = false; // it runs for an earlier session; its answer comes here
-        bool held = false;      // it does not run yet: its service's schemas are compared
+        bool elsewhere = false;     // it runs for an earlier session; its answer comes here
+        binding* held_by = nullptr; // it does not run yet: the schemas of this service are compared
         time_point orphaned_until = time_point::max();
         std::uint64_t span = 0; // of this side; 0: none
         trace_id trace;         // where there is a span: of the caller

@@ -97,6 +97,7 @@ void outgoing_calls::introduce(std::uint32_t number) {
                         fmt::format("the request of '{}' has {} bytes, {} accepts {} (max_message_bytes){}",
                                     call.service, size, over_.peer_name(), most,
                                     connection.lossy() ? " over udp: split it, or use tcp" : ""));
+        connection.out().end_call(start, std::move(object));
     } catch (...) {
         out.truncate(start);
         throw;
@@ -107,7 +108,6 @@ void outgoing_calls::introduce(std::uint32_t number) {
     ++pending_;
     call.moves(call_state::sent, *this);
     call.sent_to = over_.peer().incarnation;
-    connection.out().end_call(start, std::move(object));
     connection.written();
     return true;
 }

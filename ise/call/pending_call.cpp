@@ -20,6 +20,27 @@ void pending_call::drop() noexcept {
     std::exchange(waiter, nullptr)->drop();
 }
 
+void pending_call_list::push_back(pending_call& call) noexcept {
+    call.previous = last_;
+    (last_ ? last_->next : first_) = &call;
+    last_ = &call;
+    ++size_;
+}
+
+pending_call& pending_call_list::pop_front() noexcept {
+    auto& call = *first_;
+    remove(call);
+    return call;
+}
+
+void pending_call_list::remove(pending_call& call) noexcept {
+    if (!call.previous && first_ != &call) return;
+    (call.previous ? call.previous->next : first_) = call.next;
+    (call.next ? call.next->previous : last_) = call.previous;
+    call.previous = call.next = nullptr;
+    --size_;
+}
+
 pending_calls::~pending_calls() {
     for (auto& call : all_)
         if (call->waiter) abandon(*call);
@@ -27,6 +48,7 @@ pending_calls::~pending_calls() {
 
 [[gnu::hot]] pending_call& pending_calls::open(call_owner& owner, call_waiter& waiter) {
     if (free_.empty()) {
+        if (free_.capacity() <= all_.size()) free_.reserve(2 * all_.size() + 1); // `end` needs no memory
         all_.push_back(std::make_unique<pending_call>(*this));
         free_.push_back(all_.back().get());
     }

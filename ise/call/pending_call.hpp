@@ -90,12 +90,14 @@ struct pending_call final : suspended {
     timer alarm;
 
     call_state state = call_state::starting;
-    call_holder* holder = nullptr; ///< null while it is starting
-    call_owner* owner = nullptr;   ///< where it goes on waiting
-    std::uint64_t id = 0;          ///< on the session
-    payload waiting;               ///< the request, while there is no session, or where it may be sent again
-    std::uint64_t number = 0;      ///< by which it is sent again, once it was sent where that is possible
-    std::uint64_t sent_to = 0;     ///< the provider's life that may have executed it
+    call_holder* holder = nullptr;    ///< null while it is starting
+    call_owner* owner = nullptr;      ///< where it goes on waiting
+    std::uint64_t id = 0;             ///< on the session
+    payload waiting;                  ///< the request, while there is no session, or where it may be sent again
+    std::uint64_t number = 0;         ///< by which it is sent again, once it was sent where that is possible
+    std::uint64_t sent_to = 0;        ///< the provider's life that may have executed it
+    pending_call* previous = nullptr; ///< in the `pending_call_list` that it is in, if it is in one
+    pending_call* next = nullptr;
 
     /// What is known of its execution if it ends now.
     execution executed() const noexcept {
@@ -110,6 +112,24 @@ struct pending_call final : suspended {
 private:
     friend class pending_calls;
     void drop() noexcept override; // the loop ends: who waits is destroyed unresumed
+};
+
+/// Calls in the order in which they were added. None of its functions takes memory, or longer with more calls.
+class pending_call_list {
+public:
+    bool empty() const noexcept { return !first_; }
+    std::size_t size() const noexcept { return size_; }
+    /// Null: there is none. `pending_call::next` is the one behind it.
+    pending_call* first() const noexcept { return first_; }
+    void push_back(pending_call& call) noexcept;
+    pending_call& pop_front() noexcept;
+    /// Does nothing where it is in no list.
+    void remove(pending_call& call) noexcept;
+
+private:
+    pending_call* first_ = nullptr;
+    pending_call* last_ = nullptr;
+    std::size_t size_ = 0;
 };
 
 /// Who makes calls, and goes on with those that a lost session leaves.

@@ -229,11 +229,12 @@ void loop::flush_soon(flushable& output) {
 }
 
 void loop::post_turn() {
-    if (std::exchange(turn_posted_, true)) return;
-    post_to(*executor_, [this, alive = alive_] {
+    if (turn_posted_) return;
+    post_to(*executor_, [this, alive = alive_] { // may throw
         if (!*alive) return;
         turn in(*this);
     });
+    turn_posted_ = true;
 }
 
 [[gnu::hot]] loop::turn::turn(loop& owner) : loop_(owner) {

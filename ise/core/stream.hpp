@@ -16,7 +16,7 @@ namespace ise {
 /// The result of a read or a write: the bytes transferred, and the error if there was one.
 struct transfer {
     std::error_code problem; ///< empty on success
-    std::size_t bytes = 0;   ///< transferred before that
+    std::size_t bytes = 0;   ///< transferred before that; of a write, perhaps as far as the peer
 };
 
 /// Takes the bytes of a stream as they arrive, without a coroutine that waits for them.
@@ -52,7 +52,7 @@ public:
     /// `reader` while that waits.
     virtual bool deliver_to([[maybe_unused]] stream_reader& reader) { return false; }
 
-    /// Writes as much as possible without waiting: `asio::error::would_block` if that is nothing.
+    /// Writes as much as possible without waiting: `would_block` if that is nothing. Other errors may follow `bytes`.
     virtual transfer try_write(std::span<const asio::const_buffer> from) = 0;
 
     /// Waits until `try_write` can write, or returns the error of the stream. Cancellation: terminal, ends only the

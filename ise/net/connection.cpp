@@ -353,15 +353,13 @@ result<void> connection::take_own(const carried_frame& received, user* receiver)
     const auto wrote =
         objects_ ? objects_->pass(outbox_.calls(), outbox_.beside_calls()) : transport_->try_write({&whole, 1});
     counts_.bytes_out += wrote.bytes;
-    if (wrote.problem && wrote.problem != asio::error::would_block) {
-        end_for_write(wrote.problem);
-        return true;
-    }
-    if (wrote.bytes < whole.size()) {
+    if (wrote.problem || wrote.bytes < whole.size()) {
         batch_ = spare_.take();
         outbox_.move_calls(*batch_);
         batch_->advance(wrote.bytes);
-        return false;
+        if (!wrote.problem || wrote.problem == asio::error::would_block) return false;
+        end_for_write(wrote.problem);
+        return true;
     }
     outbox_.calls_went();
     ++counts_.frames_out_batches;
@@ -379,6 +377,8 @@ result<void> connection::take_own(const carried_frame& received, user* receiver)
         }
         auto wrote = objects_ ? objects_->pass(batch_->whole(), batch_->attachments())
                               : transport_->try_write(batch_->remaining());
+        // Also before a problem: a request of which bytes went may have run, and is not sent again.
+        if (!objects_) batch_->advance(wrote.bytes);
         if (wrote.problem && wrote.problem == asio::error::would_block) {
             outbox_.batch_waits();
             // Not from within this: where there is room again already it would go on writing.
@@ -392,7 +392,6 @@ result<void> connection::take_own(const carried_frame& received, user* receiver)
         if (wrote.problem) return end_for_write(wrote.problem);
         sent += wrote.bytes;
         counts_.bytes_out += wrote.bytes + outbox_.take_loaned_bytes();
-        if (!objects_) batch_->advance(wrote.bytes);
         alive_.sent(on_.now());
         if (objects_ || batch_->done()) {
             outbox_.batch_went(batch_->bytes());

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cstring>
+#include <new>
 #include <utility>
 
 namespace ise::net {
@@ -125,28 +126,36 @@ void batch::visit_unwritten(const std::function<void(const carried_frame&)>& vis
 [[gnu::hot]] void outbox::end_call(std::size_t start, passed_object&& packet) {
     const std::size_t size = calls_.size() - start;
     if (packet) {
-        beside_weight_ += packet.weight();
+        const auto weight = packet.weight();
         attachments_.push_back(std::move(packet));
+        beside_weight_ += weight;
     } else if (size > whole_bytes) {
         big_message message;
         message.header = wire::read_header(calls_.data() + start);
-        message.owner = shared_bytes(std::exchange(calls_, buffer()));
+        message.owner = start > 0 ? add_block(start) : shared_bytes(std::move(calls_));
         message.payload = message.owner.view().subspan(start + frame_header::size);
         message.id = next_piece_id_++;
-        if (start > 0) add_block(message.owner, start);
         big_calls_.add(std::move(message));
         return;
     }
     if (calls_.size() < std::min(block_bytes, batch_limit_) && calls_.size() + beside_weight_ < batch_limit_) return;
-    const auto all = calls_.size();
-    add_block(shared_bytes(std::exchange(calls_, buffer())), all);
+    try {
+        add_block(calls_.size());
+    } catch (const std::bad_alloc&) { // they stay where they are, and the next is put behind them
+    }
 }
 
-void outbox::add_block(shared_bytes frames, std::size_t size) {
-    frames.truncate(size);
-    const auto weight = size + std::exchange(beside_weight_, 0);
-    blocks_weight_ += weight;
-    blocks_.push_back({std::move(frames), weight});
+// Makes a block of the first `size` bytes of calls_, and returns all of it. An empty block is left, which does no harm,
+// where there is no memory.
+shared_bytes outbox::add_block(std::size_t size) {
+    blocks_.push_back(call_block());
+    shared_bytes all(std::move(calls_));
+    auto& made = blocks_[blocks_.size() - 1];
+    made.frames = all;
+    made.frames.truncate(size);
+    made.weight = size + std::exchange(beside_weight_, 0);
+    blocks_weight_ += made.weight;
+    return all;
 }
 
 [[gnu::hot]] void outbox::add(publication_source& source) {

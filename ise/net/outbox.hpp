@@ -156,7 +156,7 @@ public:
     /// written: what a later frame relies on (a service's introduction) goes into `control()`.
     buffer& calls() noexcept { return calls_; }
     /// A frame was appended that begins at `start`. `packet`: what it has beside it (`wire::flag::attached`), if
-    /// anything.
+    /// anything. Throws where there is no memory: the frame is to be truncated then, those before it wait as before.
     void end_call(std::size_t start, passed_object&& packet = passed_object());
 
     void add(publication_source& source);
@@ -260,7 +260,7 @@ private:
     };
     bool may_begin(const big_messages& among, const big_message& one) const noexcept;
 
-    void add_block(shared_bytes frames, std::size_t size);
+    shared_bytes add_block(std::size_t size);
     static std::byte* content_of(const call_block& block) noexcept {
         return const_cast<std::byte*>(block.frames.view().data());
     }

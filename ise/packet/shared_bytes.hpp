@@ -14,8 +14,8 @@ namespace ise {
 class shared_bytes {
 public:
     shared_bytes() = default;
-    /// Takes over a whole buffer.
-    explicit shared_bytes(buffer content)
+    /// Takes over a whole buffer; throws where it cannot, and `content` stays as it is.
+    explicit shared_bytes(buffer&& content)
         : data_(content.data()), size_(content.size()), block_(new block{std::move(content)}) {}
     shared_bytes(const shared_bytes& other) noexcept : data_(other.data_), size_(other.size_), block_(other.block_) {
         if (block_) ++block_->holders;

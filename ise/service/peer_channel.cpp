@@ -103,30 +103,43 @@ failure peer_channel::misplaced(service_key service) const {
                                      call_waiter& waiter, outgoing_packet request, const std::source_location& where) {
     auto& on = runtime().on();
     auto& call = of_.calls.open(*this, waiter);
-    call.service = service.name;
-    call.types = service.types;
-    call.began = on.now();
-    call.deadline = saturating_add(call.began, deadline > duration{} ? deadline : runtime().options().default_deadline);
-    call.made_in = context_of(waiting ? waiting : on.get_executor());
-    if (call.made_in) call.deadline = std::min(call.deadline, call.made_in->deadline);
-    if (const auto& cause = call.made_in ? call.made_in->trace : detail::trace_here()) [[unlikely]]
-        call.trace = cause;
-    call.where = where;
-    if (auto* traces = runtime().options().traces.get()) [[unlikely]]
-        call.spans = traces->begin_call(call.trace, call.caused_by, call.made_in != nullptr);
-    if (on.abandoned()) return of_.calls.abandon(call);
-    if (call.deadline <= call.began)
-        return of_.calls.fail(call, failure(errc::timed_out, fmt::format("'{}' at {} was called after its deadline",
-                                                                         call.service, name_)));
-    call.alarm.arm(call.deadline);
-    if (!connected()) return keep_waiting(call, request);
     try {
+        call.service = service.name;
+        call.types = service.types;
+        call.began = on.now();
+        call.deadline =
+            saturating_add(call.began, deadline > duration{} ? deadline : runtime().options().default_deadline);
+        call.made_in = context_of(waiting ? waiting : on.get_executor());
+        if (call.made_in) call.deadline = std::min(call.deadline, call.made_in->deadline);
+        if (const auto& cause = call.made_in ? call.made_in->trace : detail::trace_here()) [[unlikely]]
+            call.trace = cause;
+        call.where = where;
+        if (auto* traces = runtime().options().traces.get()) [[unlikely]]
+            call.spans = traces->begin_call(call.trace, call.caused_by, call.made_in != nullptr);
+        if (on.abandoned()) return of_.calls.abandon(call);
+        if (call.deadline <= call.began)
+            return of_.calls.fail(call, failure(errc::timed_out, fmt::format("'{}' at {} was called after its deadline",
+                                                                             call.service, name_)));
+        call.alarm.arm(call.deadline);
+        if (!connected()) return keep_waiting(call, request);
         if (!session_->calls().send(call, request)) of_.calls.fail(call, overloaded(*session_, name_));
-    } catch (const error& thrown) {
-        of_.calls.fail(call, thrown.why());
-    } catch (const std::exception& thrown) { // of a packet with functions of its own
-        of_.calls.fail(call, failure(errc::malformed, thrown.what()));
+    } catch (...) {
+        fail_for_thrown(call);
     }
+}
+
+// Within a handler: what was thrown ends a call that is about to be sent, or to wait. Nothing holds it any more then.
+void peer_channel::fail_for_thrown(pending_call& call) {
+    failure why(errc::malformed, {});
+    try {
+        throw;
+    } catch (const error& thrown) {
+        why = failure(thrown.code(), thrown.why().message(), call.executed());
+    } catch (...) { // of a packet with functions of its own, or there is no memory
+        why = failure(errc::malformed, describe(std::current_exception()), call.executed());
+    }
+    if (call.holder) call.holder->let_go(call, errc::cancelled);
+    of_.calls.fail(call, why);
 }
 
 // Until there is a session.
@@ -138,19 +151,15 @@ void peer_channel::keep_waiting(pending_call& call, outgoing_packet request) {
         return of_.calls.fail(call, failure(errc::overloaded, fmt::format("{} calls wait for a session with {} "
                                                                           "(waiting_calls)",
                                                                           waiting_.size(), name_)));
-    try {
-        call.waiting = request.keep();
-    } catch (const error& thrown) {
-        return of_.calls.fail(call, thrown.why());
-    }
+    call.waiting = request.keep();
     wait_for_session(call, call_state::waiting);
     note_wait(call.service, call.types);
     wake();
 }
 
-void peer_channel::wait_for_session(pending_call& call, call_state how) {
+void peer_channel::wait_for_session(pending_call& call, call_state how) noexcept {
     call.moves(how, *this);
-    waiting_.push_back(&call);
+    waiting_.push_back(call);
 }
 
 void peer_channel::requeue(pending_call& call, payload request) {
@@ -162,7 +171,7 @@ void peer_channel::requeue(pending_call& call, payload request) {
 void peer_channel::repeat(pending_call& call) { wait_for_session(call, call_state::repeating); }
 
 failure peer_channel::let_go(pending_call& call, errc why) {
-    waiting_.remove(&call);
+    waiting_.remove(call);
     if (why == errc::cancelled)
         return {why, fmt::format("the call of '{}' at {} was cancelled", call.service, name_), call.executed()};
     auto cause = obstacle();
@@ -245,8 +254,9 @@ task<result<void>> peer_channel::find(std::shared_ptr<peer_channel> self, time_p
 
 bool peer_channel::awaits(std::string_view service) const noexcept {
     if (service.empty()) return seekers_ > 0 || (connectors_ > 0 && !session_);
-    return std::ranges::any_of(waiting_, [&](const auto* call) { return call->service == service; }) ||
-           std::ranges::any_of(subscribers_,
+    for (const auto* call = waiting_.first(); call; call = call->next)
+        if (call->service == service) return true;
+    return std::ranges::any_of(subscribers_,
                                [&](const auto* one) { return one->service() == service && !one->connected(); });
 }
 
@@ -322,34 +332,34 @@ void peer_channel::adopt(std::shared_ptr<session> made) {
 }
 
 void peer_channel::send_waiting() {
-    for (auto* call : std::exchange(waiting_, {})) {
-        if (call->state == call_state::repeating &&
-            (!session_->wire().lossy() || call->sent_to != session_->peer().incarnation)) {
+    while (!waiting_.empty()) {
+        auto& call = waiting_.pop_front();
+        if (call.state == call_state::repeating &&
+            (!session_->wire().lossy() || call.sent_to != session_->peer().incarnation)) {
             auto why =
                 session_->wire().lossy()
                     ? "it was restarted before it answered"
                     : "the session ended before the answer, and the next one is none over which calls are repeated";
-            of_.calls.fail(*call, failure(errc::peer_lost, fmt::format("'{}' at {}: {}", call->service, name_, why),
-                                          execution::unknown));
+            of_.calls.fail(call, failure(errc::peer_lost, fmt::format("'{}' at {}: {}", call.service, name_, why),
+                                         execution::unknown));
             continue;
         }
-        auto began = call->executed(); // before this
-        auto request = std::exchange(call->waiting, {});
+        auto request = std::exchange(call.waiting, {});
         try {
-            bool sent = session_->calls().send(*call, outgoing_packet(request));
-            if (!sent) of_.calls.fail(*call, overloaded(*session_, name_, began));
-        } catch (const error& thrown) {
-            of_.calls.fail(*call, failure(thrown.code(), thrown.why().message(), began));
-        } catch (const std::exception& thrown) { // of a packet with functions of its own
-            of_.calls.fail(*call, failure(errc::malformed, thrown.what(), began));
+            if (!session_->calls().send(call, outgoing_packet(request)))
+                of_.calls.fail(call, overloaded(*session_, name_, call.executed()));
+        } catch (...) {
+            fail_for_thrown(call);
         }
     }
 }
 
 void peer_channel::stop() {
     for (auto* arrival : arrivals_) arrival->resume();
-    for (auto* call : std::exchange(waiting_, {}))
-        of_.calls.fail(*call, failure(errc::cancelled, "the component stops", call->executed()));
+    while (!waiting_.empty()) {
+        auto& call = waiting_.pop_front();
+        of_.calls.fail(call, failure(errc::cancelled, "the component stops", call.executed()));
+    }
 }
 
 task<result<std::shared_ptr<session>>> peer_channel::establish() {
@@ -433,7 +443,7 @@ void peer_channel::on_session_end(session& ended, const failure& cause) {
     } else if (wanted()) {
         for (const auto* one : subscribers_) note_wait(one->service(), &one->types());
         std::string_view last; // many calls are mostly of few services
-        for (const auto* call : waiting_) {
+        for (const auto* call = waiting_.first(); call; call = call->next) {
             if (last != call->service) note_wait(call->service, call->types);
             last = call->service;
         }

@@ -11,7 +11,6 @@
 
 #include <asio/any_io_executor.hpp>
 
-#include <list>
 #include <memory>
 #include <optional>
 #include <source_location>
@@ -118,7 +117,8 @@ private:
     void send_waiting();
 
     void keep_waiting(pending_call& call, outgoing_packet request);
-    void wait_for_session(pending_call& call, call_state how);
+    void wait_for_session(pending_call& call, call_state how) noexcept;
+    void fail_for_thrown(pending_call& call);
     void note_wait(std::string_view service, const packet_types* types);
     void note_miss(std::string_view service, const packet_types* types, std::string cause);
 
@@ -139,7 +139,7 @@ private:
     std::string name_;
     std::string obstacle_;
     std::shared_ptr<session> session_;
-    std::list<pending_call*> waiting_;
+    pending_call_list waiting_;
     std::vector<subscriber_core*> subscribers_;
     std::vector<waiter<>*> arrivals_;
     role_options how_;

@@ -1,17 +1,21 @@
 // The state after an allocation has failed, and allocations that a peer cannot cause.
 #include "counting.hpp"
 
+#include <ise/asio.hpp>
 #include <ise/call/reply_cache.hpp>
 #include <ise/core/real/environment.hpp>
 #include <ise/core/sleep.hpp>
 #include <ise/core/task_scope.hpp>
 #include <ise/service/session.hpp>
 #include <ise/wire/pieces.hpp>
+#include <support/boat_services.hpp>
 #include <support/catch.hpp>
+#include <support/sim_parties.hpp>
 
 #include <asio/any_io_executor.hpp>
 #include <asio/io_context.hpp>
 
+#include <map>
 #include <memory>
 #include <new>
 #include <vector>
@@ -90,6 +94,85 @@ TEST_CASE("a loop and its coroutines go on after any allocation was refused") {
         host->end();
         if (!refused) break;
     }
+
+    using boat_services::blob;
+    using boat_services::echo;
+
+    struct called {
+        int ends = 0;
+        std::optional<ise::result<blob>> last;
+    };
+
+    // Calls of the given sizes in one turn, of which one is refused an allocation. False: it threw, and has no outcome.
+    ise::task<bool> call_all(ise::loop & on, ise::remote to, const std::vector<std::size_t>& sizes, std::size_t refused,
+                             std::int64_t n, std::vector<called>& into) {
+        bool begun = true;
+        into.resize(sizes.size());
+        ise::loop::turn in(on);
+        for (std::size_t at = 0; at < sizes.size(); ++at) {
+            blob request;
+            request.content.assign(sizes[at], static_cast<std::uint8_t>(at));
+            auto note = [&one = into[at]](ise::result<blob> outcome) {
+                ++one.ends;
+                one.last.emplace(std::move(outcome));
+            };
+            if (at == refused) refuse_allocation_after(n);
+            try {
+                to.try_call(echo, std::move(request), 5s, std::move(note));
+            } catch (const std::bad_alloc&) {
+                begun = false;
+            }
+            refuse_no_allocation();
+        }
+        co_return begun;
+    }
+
+} // namespace
+
+TEST_CASE("a call that any allocation was refused ends once, and the calls beside it get their own answers") {
+    const bool connected = GENERATE(true, false);
+    // Small ones side by side, one that goes in pieces behind them, and one that fills a block.
+    const std::vector<std::size_t> sizes{100, 70'000, 200'000, 300};
+    int failed = 0;
+    for (std::int64_t step = 0; step < 160; ++step) {
+        const std::size_t refused = static_cast<std::size_t>(step) % 4;
+        const std::int64_t n = step / 4;
+        CAPTURE(connected, refused, n);
+        sim_parties all;
+        auto& boat = all.add("boat");
+        auto& shore = all.add("shore");
+        boat.provide(echo, [](blob given) { return given; });
+        boat.listen("tcp://0.0.0.0:7400");
+        auto there = shore.at("tcp://boat:7400");
+        std::vector<called> first, all_of, last;
+        {
+            std::vector<std::unique_ptr<ise::timer>> alarms; // the loop's room for timers
+            for (int i = 0; i < 100; ++i)
+                alarms.emplace_back(std::make_unique<ise::timer>(shore.on, [] {}))->arm(shore.on.now() + 1h);
+        }
+        if (connected) {
+            all.run(shore, call_all(shore.on, there, sizes, sizes.size(), 0, first));
+            all.world.run_for(1s);
+        }
+        const bool begun = all.run(shore, call_all(shore.on, there, sizes, refused, n, all_of));
+        all.world.run_for(1s);
+        all.run(shore, call_all(shore.on, there, sizes, sizes.size(), 0, last));
+        all.world.run_for(10s); // also all deadlines
+        for (std::size_t at = 0; at < sizes.size(); ++at) {
+            CAPTURE(at);
+            REQUIRE(last[at].ends == 1);
+            REQUIRE(last[at].last->value().content == std::vector<std::uint8_t>(sizes[at], std::uint8_t(at)));
+            REQUIRE(all_of[at].ends == (at == refused && !begun ? 0 : 1));
+            if (at != refused) REQUIRE(*all_of[at].last);
+            if (!all_of[at].last) continue;
+            if (*all_of[at].last)
+                REQUIRE(all_of[at].last->value().content == std::vector<std::uint8_t>(sizes[at], std::uint8_t(at)));
+            else ++failed;
+        }
+        REQUIRE(shore.services->calls().open_calls() == 0);
+        REQUIRE(all.stop());
+    }
+    CHECK(failed > 0);
 }
 
 TEST_CASE("a long message gets room as its bytes come, not as it is announced") {

@@ -1,6 +1,8 @@
 // Sessions in good order whose calls are not.
 #include "harbour.hpp"
 
+#include <ctime>
+
 namespace callers_test {
 
 using namespace hostile_test;
@@ -61,6 +63,30 @@ TEST_CASE("hostile: a request with the number of one that waits for its schemas 
         CHECK(at.all.run_until([&] { return peer.count(frame_type::error) == 2; }));
     }
     at.others_do_not_notice();
+}
+
+TEST_CASE("hostile: cancels of calls that do not exist cost the same while many requests wait for schemas") {
+    harbour at("tcp");
+    raw_peer peer(at.all, at.sea, at.channel);
+    peer.greet();
+    set_mode asked{"tack"};
+    for (std::uint64_t number = 0; number < 4000; ++number)
+        peer.introduce(number, "helm", {1000 + 2 * number, 1001 + 2 * number});
+    auto cost_of_cancels = [&] {
+        const auto before = std::clock();
+        for (std::uint64_t i = 0; i < 50'000; ++i)
+            peer.say(frame_type::cancel, (i + 1) << 32 | i % 4096, ise::bytes_view());
+        peer.finish();
+        at.all.world.run_for(1s);
+        return static_cast<double>(std::clock() - before) / CLOCKS_PER_SEC;
+    };
+    const double idle = cost_of_cancels();
+    for (std::uint32_t call = 0; call < 200; ++call) peer.request(call, call, 1h, asked);
+    const double held = cost_of_cancels();
+    CAPTURE(idle, held);
+    CHECK_FALSE(peer.closed());
+    CHECK(peer.count(frame_type::error) == 0);
+    CHECK(held < 5 * idle + 0.1);
 }
 
 TEST_CASE("hostile: a million pending calls: those of others go on") {

@@ -412,6 +412,53 @@ TEST_CASE("sealed: over tcp and local, and not within a process, where nothing l
     }
 }
 
+TEST_CASE("sealed: no request runs twice, whichever write fails behind records that went") {
+    const int calls = GENERATE(40, 100); // of 1 KB: written from where they lie, and as a batch
+    int answered = 0, lost = 0;
+    for (std::uint64_t failing = 0; failing < 12; ++failing) {
+        CAPTURE(calls, failing);
+        sim_parties all;
+        ise::security_options with;
+        with.key_file = "key";
+        for (const char* host : {"boat", "shore"}) all.world.host(host).write_file("key", std::string(64, 'k'));
+        auto& boat = all.add("boat", {}, with);
+        auto& shore = all.add("shore", {}, with);
+        std::vector<int> runs(static_cast<std::size_t>(calls) + 1);
+        boat.provide(helm, [&](set_mode asked) {
+            ++runs.at(std::stoul(asked.mode));
+            return mode_set{true, {}};
+        });
+        boat.listen("tcp://0.0.0.0:7400");
+        auto there = shore.at("tcp://boat:7400");
+        auto ask = [](ise::remote at, int number) -> ise::task<ise::result<mode_set>> {
+            set_mode numbered{std::to_string(number) + std::string(1000, ' ')};
+            auto got = co_await at.try_call(helm, numbered, 20s);
+            co_return got;
+        };
+        REQUIRE(all.run(shore, ask(there, calls))); // which introduces the service
+        all.world.run_for(100ms);
+        std::vector<std::shared_ptr<started<ise::result<mode_set>>>> asked;
+        {
+            ise::loop::turn in(shore.on);
+            for (int i = 0; i < calls; ++i) asked.push_back(start(shore.on, ask(there, i)));
+            all.world.fail_at(failing);
+        }
+        all.world.run_for(30s);
+        all.world.faults().fail_never();
+        for (int i = 0; i < calls; ++i) {
+            const auto& one = *asked[static_cast<std::size_t>(i)];
+            const int ran = runs[static_cast<std::size_t>(i)];
+            REQUIRE(one.done);
+            REQUIRE(ran <= 1);
+            if (*one.value) REQUIRE(ran == 1);
+            else REQUIRE(one.value->error().executed() == ise::execution::unknown);
+            ++(*one.value ? answered : lost);
+        }
+    }
+    CHECK(answered > 0);
+    CHECK(lost > 0);
+}
+
 TEST_CASE("sealed: a variable chooses the old scheme, and must be 0 or 1") {
     ise::sim::world world;
     world.host("a").write_file("key", std::string(64, 'k'));

@@ -205,6 +205,25 @@ TEST_CASE("a call of a component that is not there times out, not executed, and 
     CHECK_THAT(got.error().message(), Contains("boat:9999") && Contains("refused"));
 }
 
+TEST_CASE("calls that wait for a session end at their deadlines, also a hundred thousand of them") {
+    fixture at;
+    at.all.world.net().partition("boat", "shore");
+    constexpr int calls = 100'000;
+    int ended = 0;
+    auto ask = [](ise::remote to, int& count) -> ise::task<> {
+        for (int i = 0; i < calls; ++i)
+            to.try_call(helm, set_mode{"hold"}, 3s + std::chrono::microseconds(i), [&count](outcome got) {
+                if (!got && got.error().executed() == execution::not_executed) ++count;
+            });
+        co_return;
+    };
+    at.all.run(at.shore, ask(at.there, ended));
+    const auto before = std::chrono::steady_clock::now();
+    at.all.world.run_for(4s);
+    CHECK(std::chrono::steady_clock::now() - before < 30s); // a hundred times what it takes
+    CHECK(ended == calls);
+}
+
 TEST_CASE("a call waits for a component that comes up within its deadline") {
     sim_parties all;
     auto& boat = all.add("boat");
@@ -562,6 +581,28 @@ TEST_CASE("what goes on at a handler's executor after its answer has neither its
     });
     CHECK(caller == "");
     at.all.run_until([&] { return errand.has_value(); });
+    CHECK(*errand);
+}
+
+TEST_CASE("a handler's executor may be kept for longer than its service is provided") {
+    fixture at;
+    std::optional<outcome> errand;
+    std::optional<asio::any_io_executor> kept;
+    at.boat.provide(echo, [&](blob given) -> ise::task<blob> {
+        kept = co_await ise::this_task::executor;
+        co_return given;
+    });
+    CHECK(at.all.run(at.shore, try_echo(at.there, 8, 2s)));
+    at.boat.services->services().remove("echo");
+    at.there = {};
+    REQUIRE(at.all.run_until([&] { return at.boat.services->sessions().empty(); })); // which knew the service
+    CHECK(ise::context_of(*kept)->deadline == ise::time_point::max());
+    auto run_errand = [](ise::remote to, std::optional<outcome>& into) -> ise::task<> {
+        auto got = co_await try_helm(to, "hold");
+        into.emplace(std::move(got));
+    };
+    ise::async_run(*kept, run_errand(at.boat.at("tcp://boat:7400"), errand), asio::detached);
+    REQUIRE(at.all.run_until([&] { return errand.has_value(); }));
     CHECK(*errand);
 }
 
