@@ -43,11 +43,20 @@ void boat_links::look() {
     for (const auto& one : proxies_) table_.reached(one.health.link, one.stream && one.stream->connected());
 }
 
+void boat_links::heard(link_id link, utc_time at) {
+    auto clock = here_.clock();
+    auto age = clock - std::min(std::max(at, utc_time()), clock);
+    table_.heard(link, here_.now() - std::chrono::duration_cast<ise::duration>(age));
+}
+
 void boat_links::heard(const telemetry_packet& packet) {
-    if (packet.boot != beacon_boot) heard(packet.link); // telecommands do not reach the second controller
+    // A new subscription repeats the last packet, and a proxy may deliver a backlog: the reception counts.
+    auto clock = here_.clock();
+    auto at = packet.received_at == utc_time() ? clock : std::min(clock, packet.received_at);
+    if (packet.boot != beacon_boot) heard(packet.link, at); // telecommands do not reach the second controller
     if (auto* over = find(packet.link)) {
         ++over->health.packets;
-        over->health.last_heard = here_.clock();
+        over->health.last_heard = std::max(over->health.last_heard, at);
     }
 }
 

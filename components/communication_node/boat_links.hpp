@@ -23,7 +23,8 @@ public:
     void start();
     /// Notes which proxies are reached; their connections end without an event.
     void look();
-    void heard(link_id link) { table_.heard(link, here_.now()); } ///< the boat answered over it
+    /// The boat answered over it, at that time by the clock of its proxy.
+    void heard(link_id link, utc_time at);
     void heard(const telemetry_packet& packet);
 
     const link_table& table() const noexcept { return table_; }

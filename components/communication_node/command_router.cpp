@@ -8,7 +8,8 @@
 namespace atirma {
 namespace {
 
-constexpr ise::duration look_again = std::chrono::seconds(1); // while no link is reached
+constexpr ise::duration look_again = std::chrono::seconds(1);   // while no link is reached
+constexpr ise::duration offer_again = std::chrono::seconds(30); // to a link that refused
 
 std::int64_t steady_ms(ise::time_point at) {
     return std::chrono::duration_cast<std::chrono::milliseconds>(at.time_since_epoch()).count();
@@ -158,27 +159,29 @@ std::optional<command_router::give> command_router::next_give(ise::time_point no
         std::set<link_id> tried;
         bool waits = false; // a link that has it already, and did not refuse it
         for (const auto& [link, given] : e.links) {
-            if (!given.given) continue;
+            if (!given.given || given.retry_at <= now) continue;
             tried.insert(link);
             waits = waits || !given.refused;
         }
         auto link = e.record.via ? e.record.via : links.best(now, tried);
         // A second link only where the boat is heard: it is no use to wait for two that are dead.
         if (!link || (waits && !links.alive(*link, now))) continue;
+        auto text = fmt::format("is given to {}", name_of(*link));
+        if (e.links[*link].given) text += " again";
+        else if (!tried.empty()) text += " too";
         auto made = give_to(e, *link, now);
-        bool first = tried.empty();
         e.record.status.link = *link;
-        change(e, wall, e.record.status.state,
-               first ? fmt::format("is given to {}", name_of(*link))
-                     : fmt::format("is given to {} too", name_of(*link)));
+        change(e, wall, e.record.status.state, std::move(text));
         return made;
     }
     return std::nullopt;
 }
 
 command_router::give command_router::give_to(entry& e, link_id link, ise::time_point now) {
-    e.links[link].given = true;
-    e.links[link].since = now;
+    auto& there = e.links[link];
+    if (there.refused) there = at_link(); // its proxy does not have it: a new request
+    there.given = true;
+    there.since = now;
     give made;
     made.id = e.record.status.id;
     made.link = link;
@@ -215,6 +218,7 @@ void command_router::on_status(utc_time wall, link_id link, const telecommand_st
     }
     if (is_final(mine.state)) return;
     if (status.state == telecommand_stage::failed) {
+        there.retry_at = ise::time_point::max();
         refused(e, wall, link, fmt::format("{}: {}", name_of(link), status.text));
     } else if (status.state == telecommand_stage::expired && !e.record.called_back.empty()) {
         there.refused = true;
@@ -233,10 +237,11 @@ void command_router::on_status(utc_time wall, link_id link, const telecommand_st
     }
 }
 
-void command_router::on_refused(ise::time_point, utc_time wall, std::uint32_t id, link_id link,
+void command_router::on_refused(ise::time_point now, utc_time wall, std::uint32_t id, link_id link,
                                 const std::string& why) {
     auto* known = table_.find(id);
     if (!known || is_final(known->record.status.state)) return;
+    known->links[link].retry_at = ise::saturating_add(now, offer_again);
     refused(*known, wall, link, fmt::format("{} refuses it: {}", name_of(link), why));
 }
 

@@ -48,7 +48,8 @@ public:
     std::optional<give> next_give(ise::time_point now, utc_time wall, const link_table& links);
     /// What the proxy of a link says of it.
     void on_status(utc_time wall, link_id link, const telecommand_status& status);
-    /// The proxy will not have it; another link may.
+    /// The proxy does not accept it: another link gets it at once, and this one again after 30 s. It fails if the link
+    /// was chosen.
     void on_refused(ise::time_point now, utc_time wall, std::uint32_t id, link_id link, const std::string& why);
     /// The proxy of that link has it, or may have it.
     void on_given(std::uint32_t id, link_id link);
@@ -84,6 +85,7 @@ private:
         bool given = false; // by this node; else another one did, and a status came
         ise::time_point since{};
         bool refused = false;
+        ise::time_point retry_at = ise::time_point::max(); // after a refusal, whose cause may pass
         std::uint32_t attempts = 0;
         telecommand_stage stage = telecommand_stage::queued;
         bool may_be_there = false; // the proxy has it, as far as is known

@@ -1,5 +1,7 @@
 #include <components/communication_node/link_table.hpp>
 
+#include <algorithm>
+
 namespace atirma {
 
 using namespace std::chrono_literals;
@@ -14,8 +16,9 @@ std::size_t link_table::find(link_id link) const {
     return at;
 }
 
-void link_table::heard(link_id link, ise::time_point now) {
-    if (auto at = find(link); at < terms_.size()) state_[at].heard = now;
+void link_table::heard(link_id link, ise::time_point when) {
+    auto at = find(link);
+    if (at < terms_.size()) state_[at].heard = std::max(state_[at].heard, std::optional(when));
 }
 
 void link_table::reached(link_id link, bool is) {

@@ -25,8 +25,8 @@ class link_table {
 public:
     explicit link_table(std::vector<link_terms> in_order) : terms_(std::move(in_order)), state_(terms_.size()) {}
 
-    void heard(link_id link, ise::time_point now);
-    void reached(link_id link, bool is); ///< its proxy answers, or not
+    void heard(link_id link, ise::time_point when); ///< an earlier time than the last one changes nothing
+    void reached(link_id link, bool is);            ///< its proxy answers, or not
     bool is_reached(link_id link) const;
     bool alive(link_id link, ise::time_point now) const;
     ise::duration patience(link_id link) const;

@@ -81,7 +81,8 @@ void node_telecommands::begin_anew() {
 }
 
 void node_telecommands::on_status(link_id link, const telecommand_status& status) {
-    if (status.state == telecommand_stage::acknowledged) links_.heard(link);
+    // A new subscription repeats the last answer; the reply to a request may be an old one, and has no time.
+    if (status.state == telecommand_stage::acknowledged) links_.heard(link, status.at);
     router_.on_status(here_.clock(), link, status);
     work();
 }

@@ -157,7 +157,7 @@ void boat_page::show_health(const communication_state& node) {
         result.source = name_of(link.link);
         result.connected = link.reached;
         result.detail = link.reached ? "" : "its receiver is not reached";
-        if (link.last_heard != utc_time()) result.last_heard = link.last_heard;
+        if (link.last_heard != utc_time()) result.last_heard = std::min<utc_ms>(link.last_heard, clock());
         if (archive_ && result.last_heard) archive_->keep_heard(source_.id, result.source, *result.last_heard);
         show_feed(std::move(result));
         if (link.link == link_id::iridium && !link.proxy.empty()) look_for_estimates(link.proxy);

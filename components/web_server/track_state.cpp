@@ -231,7 +231,7 @@ std::optional<ise::sse_event> track_state::apply(const feed_update& given, utc_m
         return ++self.statistics.refused, std::nullopt;
     if (update.last_heard && (self.heard.contains(update.source) || self.heard.size() < max_track_sources)) {
         auto& last = self.heard[update.source];
-        last = std::max(last, *update.last_heard);
+        last = std::max(last, std::min(*update.last_heard, now)); // a clock of the shore may be ahead
     }
     auto known = self.feeds.find(update.source);
     bool same = known != self.feeds.end() && known->second.connected == update.connected &&

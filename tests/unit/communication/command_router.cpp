@@ -168,6 +168,57 @@ TEST_CASE("command desk: a link that refuses makes way at once, and with no link
     CHECK(it.status(5).state == telecommand_stage::acknowledged);
 }
 
+TEST_CASE("router: a link that refused a telecommand gets it again later, and one that cannot send it does not") {
+    table it;
+    it.there(iridium);
+    it.begin(it.request(5));
+    REQUIRE(it.give()->link == iridium);
+    it.desk.on_given(5, iridium); // an earlier request to its proxy had no answer
+    it.desk.on_refused(it.now, it.wall, 5, iridium, "the database is locked");
+    CHECK_FALSE(it.give());
+    CHECK(it.desk.next_event(it.now, it.links) <= it.now + 30s);
+    it.pass(29s);
+    CHECK_FALSE(it.give());
+    it.pass(1s);
+    auto again = it.give();
+    REQUIRE(again);
+    CHECK(again->link == iridium);
+    CHECK(*again->request.valid_s == Approx(270));
+    CHECK(it.status(5).text == "is given to iridium again");
+    CHECK_FALSE(it.give());
+    SECTION("it sends it then") {
+        it.desk.on_status(it.wall, iridium, it.says(5, telecommand_stage::sent));
+        CHECK(it.status(5).state == telecommand_stage::sent);
+        it.pass(60s);
+        CHECK_FALSE(it.give());
+    }
+    SECTION("it cannot send it") {
+        it.desk.on_refused(it.now, it.wall, 5, iridium, "64 telecommands wait");
+        it.desk.on_status(it.wall, iridium, it.says(5, telecommand_stage::failed, "too long"));
+        it.pass(60s);
+        CHECK_FALSE(it.give());
+    }
+    SECTION("another link has it meanwhile") {
+        it.desk.on_refused(it.now, it.wall, 5, iridium, "64 telecommands wait");
+        it.there(gprs);
+        REQUIRE(it.give()->link == gprs);
+        it.pass(29s);
+        CHECK_FALSE(it.give());
+        it.pass(2s); // beyond the patience of GPRS
+        CHECK(it.give()->link == iridium);
+    }
+    SECTION("it is called back meanwhile") {
+        it.desk.on_refused(it.now, it.wall, 5, iridium, "64 telecommands wait");
+        CHECK(it.desk.call_back(it.wall, 5, "by ana").empty());
+        CHECK(it.status(5).state == telecommand_stage::failed);
+    }
+    SECTION("its validity ends before the link answers") {
+        it.pass(270s);
+        it.desk.on_time(it.now, it.wall);
+        CHECK_THAT(it.status(5).text, Contains("before it could be sent"));
+    }
+}
+
 TEST_CASE("command desk: the other node's telecommands are left to it, until it is silent") {
     table it, other;
     it.there(xbee);

@@ -326,6 +326,10 @@ TEST_CASE("how a link is doing is told once, and when it was heard last with it"
     CHECK(status["feeds"][0]["since"] == start.time_since_epoch().count());
     result.connected = false;
     CHECK(state.apply(result, start));
+    result.last_heard = start + 1h; // by a clock of the shore that is ahead
+    CHECK_FALSE(state.apply(result, start));
+    status = json::parse(state.status(start).data)["state"];
+    CHECK(status["heard"]["gprs"] == start.time_since_epoch().count());
 }
 
 } // namespace track_state_test
