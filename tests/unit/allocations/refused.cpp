@@ -15,9 +15,9 @@
 #include <asio/any_io_executor.hpp>
 #include <asio/io_context.hpp>
 
-#include <map>
 #include <memory>
 #include <new>
+#include <optional>
 #include <vector>
 
 namespace refused_test {
@@ -94,38 +94,41 @@ TEST_CASE("a loop and its coroutines go on after any allocation was refused") {
         host->end();
         if (!refused) break;
     }
+}
 
-    using boat_services::blob;
-    using boat_services::echo;
+namespace {
 
-    struct called {
-        int ends = 0;
-        std::optional<ise::result<blob>> last;
-    };
+using boat_services::blob;
+using boat_services::echo;
 
-    // Calls of the given sizes in one turn, of which one is refused an allocation. False: it threw, and has no outcome.
-    ise::task<bool> call_all(ise::loop & on, ise::remote to, const std::vector<std::size_t>& sizes, std::size_t refused,
-                             std::int64_t n, std::vector<called>& into) {
-        bool begun = true;
-        into.resize(sizes.size());
-        ise::loop::turn in(on);
-        for (std::size_t at = 0; at < sizes.size(); ++at) {
-            blob request;
-            request.content.assign(sizes[at], static_cast<std::uint8_t>(at));
-            auto note = [&one = into[at]](ise::result<blob> outcome) {
-                ++one.ends;
-                one.last.emplace(std::move(outcome));
-            };
-            if (at == refused) refuse_allocation_after(n);
-            try {
-                to.try_call(echo, std::move(request), 5s, std::move(note));
-            } catch (const std::bad_alloc&) {
-                begun = false;
-            }
-            refuse_no_allocation();
+struct called {
+    int ends = 0;
+    std::optional<ise::result<blob>> last;
+};
+
+// Calls of the given sizes in one turn, of which one is refused an allocation. False: it threw, and has no outcome.
+ise::task<bool> call_all(ise::loop& on, ise::remote to, const std::vector<std::size_t>& sizes, std::size_t refused,
+                         std::int64_t n, std::vector<called>& into) {
+    bool begun = true;
+    into.resize(sizes.size());
+    ise::loop::turn in(on);
+    for (std::size_t at = 0; at < sizes.size(); ++at) {
+        blob request;
+        request.content.assign(sizes[at], static_cast<std::uint8_t>(at));
+        auto note = [&one = into[at]](ise::result<blob> outcome) {
+            ++one.ends;
+            one.last.emplace(std::move(outcome));
+        };
+        if (at == refused) refuse_allocation_after(n);
+        try {
+            to.try_call(echo, std::move(request), 5s, std::move(note));
+        } catch (const std::bad_alloc&) {
+            begun = false;
         }
-        co_return begun;
+        refuse_no_allocation();
     }
+    co_return begun;
+}
 
 } // namespace
 
