@@ -61,6 +61,8 @@ public:
     /// Records a new telecommand that was permitted under that epoch of the authority.
     virtual void begin(const command_record& record, std::uint32_t epoch, then<begun> done) = 0;
     virtual void put(std::vector<command_record> records, then<void> done) = 0;
+    /// Whether the component with that path is another node that works with this store.
+    virtual bool is_shared_with(const std::string&) const { return false; }
     virtual void command(std::uint32_t id, then<std::optional<command_record>> done) = 0;
     virtual void list(const record_request& request, then<record_page> done) = 0;
 

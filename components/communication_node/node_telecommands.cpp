@@ -1,5 +1,6 @@
 #include <components/communication_node/node_telecommands.hpp>
 
+#include <components/boat/find_component.hpp>
 #include <components/boat/raw_payload.hpp>
 
 #include <fmt/format.h>
@@ -10,6 +11,8 @@ namespace atirma {
 namespace {
 
 using namespace std::chrono_literals;
+
+constexpr std::size_t max_why = 256; // of a recall that another node passes on
 
 ise::error command_refused(std::string why) { return ise::error(ise::errc::refused, std::move(why)); }
 
@@ -322,11 +325,16 @@ ise::task<recall_reply> node_telecommands::call_back(recall_request request, std
         co_return reply;
     }
     const auto& known = **record;
-    if (known.status.asked_by != who)
+    // Another node has checked its operator.
+    bool of_node = (here_.has_peer() && who == here_.options.peer) || store_->is_shared_with(who);
+    if (!of_node && known.status.asked_by != who)
         if (auto why = authority_.book().refusal(who)) throw command_refused(*why);
-    if (known.node != here_.self.path() && !is_final(known.status.state))
-        throw command_refused(fmt::format("it is under way at {}: call it back there", known.node));
-    auto why = fmt::format("by {}", who);
+    auto why = of_node ? request.why.substr(0, max_why) : fmt::format("by {}", who);
+    if (known.node != here_.self.path() && !is_final(known.status.state)) {
+        if (of_node) // never back and forth
+            throw command_refused(fmt::format("it is under way at {}, not here: call it back again", known.node));
+        co_return co_await call_back_at(known.node, request.id, std::move(why));
+    }
     auto have = router_.call_back(here_.clock(), request.id, why);
     work();
     for (auto link : have) co_await recall_from(link, request.id, why);
@@ -338,6 +346,23 @@ ise::task<recall_reply> node_telecommands::call_back(recall_request request, std
                      ? now.text
                      : "no further link gets it, but it cannot be called back from where it is: " + now.text;
     co_return reply;
+}
+
+/// At the node that gives it to the links, which alone knows where it is.
+ise::task<recall_reply> node_telecommands::call_back_at(std::string node, std::uint32_t id, std::string why) {
+    recall_request request;
+    request.id = id;
+    request.why = std::move(why);
+    auto owner = find_component(here_.self, node);
+    auto response = co_await owner.try_call(services::telecommand_recall, request, 15s);
+    if (!response) {
+        const auto& problem = response.error();
+        throw ise::error(problem.code(),
+                         fmt::format("it is under way at {}, which cannot call it back now: {}; call it back again",
+                                     node, problem.message()),
+                         problem.executed());
+    }
+    co_return std::move(*response);
 }
 
 ise::task<> node_telecommands::recall(command_router::recall what) {

@@ -48,7 +48,7 @@ public:
     ise::task<telecommand_reply> raw_command(telecommand_request request, std::string who, std::string verified,
                                              ise::time_point deadline);
     ise::task<record_page> record(record_request request);
-    /// Only by the operator who gave it, or who has the authority.
+    /// Only by the operator who gave it, or who has the authority; at either node.
     ise::task<recall_reply> call_back(recall_request request, std::string who);
 
 private:
@@ -62,6 +62,7 @@ private:
     void record_changes();
     void save();
     ise::task<> drive(command_router::give what);
+    ise::task<recall_reply> call_back_at(std::string node, std::uint32_t id, std::string why);
     ise::task<> recall(command_router::recall what);
     ise::task<std::optional<recall_reply>> recall_from(link_id link, std::uint32_t id, std::string why);
     void on_recalled(link_id link, std::uint32_t id, telecommand_stage state, const std::string& text);

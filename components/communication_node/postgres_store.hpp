@@ -44,6 +44,7 @@ public:
     void begin(const command_record& record, std::uint32_t epoch, then<begun> done) override;
     void put(std::vector<command_record> records, then<void> done) override;
     void command(std::uint32_t id, then<std::optional<command_record>> done) override;
+    bool is_shared_with(const std::string& node) const override { return others_.contains(node); }
     void list(const record_request& request, then<record_page> done) override;
     void put(const change_of_authority& state, const std::pair<std::uint32_t, std::uint64_t>& before,
              then<std::optional<change_of_authority>> done) override;

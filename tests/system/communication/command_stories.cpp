@@ -403,6 +403,24 @@ TEST_CASE("communication: pings of somebody without the authority keep nobody fr
     CHECK(it.until([&] { return it.boat.boat.authority() == 4; }, 10s)); // the epoch is announced all the same
 }
 
+TEST_CASE("communication: a link that is dead does not count as alive in a node that was started anew") {
+    crewed it;
+    auto xbee = [&](const std::string& node) {
+        auto links = it.state(node).links;
+        return *std::ranges::find(links, link_id::xbee, &link_health::link);
+    };
+    it.link_up(link_id::xbee, false);
+    it.world.run_for(60s);
+    REQUIRE_FALSE(xbee(two).alive);
+    it.crash(one);
+    it.world.run_for(5s);
+    it.start_node(one);
+    REQUIRE(it.until([&] { return it.serves(one) && xbee(one).packets > 0; }, 30s)); // the last packet is repeated
+    CHECK(xbee(one).reached);
+    CHECK_FALSE(xbee(one).alive);
+    CHECK(xbee(one).last_heard == xbee(two).last_heard);
+}
+
 TEST_CASE("communication: a telecommand takes the link that was chosen, or the best one that is alive") {
     crewed it;
     REQUIRE(it.authority("ana", take));
