@@ -72,6 +72,7 @@ const std::vector<row>& matrix() {
         {node, false, "telecommand", "os"},
         {node, false, "raw_telecommand", "e"},
         {node, true, "telecommand_state", "os"},
+        {node, false, "telecommand_recall", "os"},
         {node, false, "telecommand_record", "o"},
         {node, false, "authority", "o"},
         {node, true, "authority_state", "os"},
