@@ -184,8 +184,9 @@ int main(int argc, char** argv) {
                     ->needs(certificate)
                     ->type_name("FILE");
     certificate->needs(key);
-    add_duration(app, "--lease", wanted.lease, "50ms", "1h",
-                 "the longest lease, after which a lost node loses its names, such as 2s or 500ms; with --store up to 7s")
+    add_duration(
+        app, "--lease", wanted.lease, "50ms", "1h",
+        "the longest lease, after which a lost node loses its names, such as 2s or 500ms; with --store up to 7s")
         ->default_str("2s");
     add_credentials(app, wanted.security);
     add_audit(app, wanted.security);
