@@ -40,7 +40,7 @@ public:
 
     /// One that nobody uses.
     call_context& take();
-    void give_back(call_context& unused) noexcept;
+    void give_back(call_context& unused) noexcept; ///< clears it for the next one
 
 private:
     std::vector<std::unique_ptr<call_context>> all_;
