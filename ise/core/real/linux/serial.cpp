@@ -1,3 +1,4 @@
+#include <ise/core/real/descriptor.hpp>
 #include <ise/core/real/linux/descriptor_stream.hpp>
 #include <ise/core/real/sockets.hpp>
 
