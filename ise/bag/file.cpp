@@ -24,7 +24,9 @@ failure bag_file_failure(const char* what, const std::string& name) {
 class descriptor {
 public:
     explicit descriptor(int number) noexcept : number_(number) {}
-    ~descriptor() { ::close(number_); }
+    ~descriptor() {
+        if (number_ >= 0) ::close(number_);
+    }
     descriptor(const descriptor&) = delete;
     descriptor& operator=(const descriptor&) = delete;
     int number() const noexcept { return number_; }
@@ -144,11 +146,8 @@ result<std::unique_ptr<sink>> create_file(const std::string& path) {
     auto made = std::make_unique<file_sink>(opened, path);
     // Its name, too, is to be there after a loss of power. Not every file system can promise that.
     const auto folder = std::filesystem::path(path).parent_path();
-    const int listed = ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (listed >= 0) {
-        ::fsync(listed);
-        ::close(listed);
-    }
+    const descriptor listed(::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (listed.number() >= 0) ::fsync(listed.number());
     return std::unique_ptr<sink>(std::move(made));
 }
 

@@ -252,7 +252,7 @@ void association::send_probe(const endpoint& to, wire::chunk_type type, std::uin
     if (at == time_point::max()) {
         timer_.disarm();
     } else {
-        timer_.arm(std::max(at, on_.now()));
+        timer_.arm(at);
     }
 }
 
