@@ -26,7 +26,7 @@ struct found_instance {
     host_server host;
     instantiation::instance_info instance;
 };
-/// What a host has started below a prefix; why it does not answer, after 3 s at most.
+/// The instances below a prefix that a host has started, or the failure if it does not answer within 3 s.
 task<result<std::vector<instantiation::instance_info>>> instances_of(context& in, host_server of, std::string prefix);
 /// Instantiation servers that were lost without being stopped, as far as the name server knows.
 task<std::vector<naming::lost_name>> lost_hosts(context& in);

@@ -102,7 +102,7 @@ public:
     }
     /// What is in the room, as shared bytes.
     shared_bytes share();
-    /// What is in the room was small and is not needed any more.
+    /// Drops the content of the room, which was small, and the memory of a large one before it.
     void drop_small() {
         if (std::exchange(last_big_, 0) != 0) room_ = buffer(0, room_.large_memory());
     }

@@ -35,8 +35,8 @@ public:
         location to;
         time_point at; ///< not before
     };
-    /// The better member that the handle shall move to, if there is one and it is told to come back, or must. `bound`:
-    /// only if it must.
+    /// The member to which the handle should move: a better one where the options allow failback, any if the taken one
+    /// has left the role. `bound`: only in the latter case.
     std::optional<change> better(bool bound = false) const;
     /// It was not reached: not again before it was there for the steady time from now on, and for a second.
     void put_off(const std::string& path, time_point now);
