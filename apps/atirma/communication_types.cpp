@@ -20,11 +20,10 @@ proxy_of_link proxy_named(const std::string& text) {
     auto at = text.find('=');
     auto link = from_name<link_id>(text.substr(0, at));
     if (at == std::string::npos || at + 1 == text.size() || !link)
-        throw ise::error(
-            ise::errc::invalid_argument,
-            fmt::format(
-                "--proxy takes LINK=PATH, such as xbee=atirma/shore/xbee (links are xbee, gprs and iridium), not '{}'",
-                text));
+        throw ise::error(ise::errc::invalid_argument,
+                         fmt::format("--proxy requires LINK=PATH, such as xbee=atirma/shore/xbee (links are xbee, gprs "
+                                     "and iridium), not '{}'",
+                                     text));
     return {*link, text.substr(at + 1)};
 }
 

@@ -124,8 +124,10 @@ void add_components(command_line::app& run, std::vector<hosted>& into, const ise
         auto* sub = run.add_subcommand(about.name, about.description);
         one->made.path = about.path;
         sub->add_option("--path", one->made.path, "its name in the system")->capture_default_str();
-        sub->add_option("--listen", one->made.listen,
-                        "endpoints to listen on, such as tcp://0.0.0.0:7411 (default: in-process, local, loopback)")
+        sub->add_option(
+               "--listen", one->made.listen,
+               "endpoints to listen on, such as tcp://0.0.0.0:7411 (default: in-process, shared memory, a local "
+               "socket and a port of the loopback interface)")
             ->allow_extra_args(false);
         sub->add_option("--advertise", one->made.advertise, "further endpoints at which it can be reached")
             ->allow_extra_args(false);

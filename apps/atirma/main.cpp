@@ -36,7 +36,8 @@ struct common_options {
 };
 
 void add_common(command_line::app& to, common_options& options) {
-    to.add_option("--name-server", options.name_server, "its endpoint (default: ISE_NAME_SERVER, else this machine)");
+    to.add_option("--name-server", options.name_server,
+                  "endpoints of the name servers, separated by commas (default: ISE_NAME_SERVER, else this machine)");
     add_credentials(to, options.security);
     add_audit(to, options.security);
     add_observing(to, options.node);

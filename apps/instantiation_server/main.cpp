@@ -143,7 +143,7 @@ int run(const settings& wanted) {
     const auto& server =
         node.start<ise::instantiation::instantiation_server>(path, std::move(where), host, std::move(options));
     int code = ise::run_until_signal(node, [&] {
-        fmt::print("instantiation server {} starts what lies in {}\n", path, programs);
+        fmt::print("instantiation server {} serves the programs in {}\n", path, programs);
         std::fflush(stdout);
     });
     for (const auto& report : node.reports())
@@ -181,11 +181,13 @@ int main(int argc, char** argv) {
     app.add_option("--name", wanted.name, "of this host, under ise/host/ (default: the host's name)")
         ->type_name("NAME");
     app.add_option("--name-server", wanted.name_server,
-                   "its endpoint (default: $ISE_NAME_SERVER, else " + ise::default_name_server().text() + ")")
+                   "endpoints of the name servers, separated by commas (default: $ISE_NAME_SERVER, else " +
+                       ise::default_name_server().text() + ")")
         ->type_name("ENDPOINT");
     app.add_option(
            "--listen", wanted.listen,
-           "where to listen: beyond this host only with --key, or on tls:// with --tls (default: loopback and local)")
+           "where to listen: beyond this host only with --key, or on tls:// or udp+tls:// with --tls (default: shared "
+           "memory, a local socket and a port of the loopback interface)")
         ->type_name("ENDPOINT");
     app.add_option("--advertise", wanted.advertise,
                    "endpoint of a tunnel that leads to it, such as tcp://10.0.0.2:7501; several are allowed")
@@ -223,8 +225,8 @@ int main(int argc, char** argv) {
     add_log_level(app, wanted.log_level);
     app.set_version_flag("--version", "ise_instantiation_server " ISE_VERSION);
     app.footer(
-        "What it starts gets its credentials and its access policy in ISE_KEY, ISE_TLS, ISE_ACCESS and ISE_AUDIT.\n"
-        "When it is killed, what it started goes on, and the next one with the same --state takes it over.\n"
+        "Its components get its credentials and its access policy in ISE_KEY, ISE_TLS, ISE_ACCESS and ISE_AUDIT.\n"
+        "If the server is killed, its components continue, and the next server with the same --state adopts them.\n"
         "Exit codes: 0 ended by a signal, 1 it cannot run or failed, 2 wrong usage.");
     try {
         app.parse(argc, argv);

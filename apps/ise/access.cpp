@@ -340,7 +340,7 @@ task<> list_policies(context& in) {
 
 void need(const access_options& options, std::size_t count, const char* form) {
     if (options.words.size() != count)
-        throw problem(exit_code::usage, "usage", fmt::format("ise access {} takes {}", options.act, form),
+        throw problem(exit_code::usage, "usage", fmt::format("ise access {} requires {}", options.act, form),
                       "ise access --help");
 }
 

@@ -527,18 +527,19 @@ void declare_bag(command_line::app& app, parsed_command& made) {
         bool writes = given->act == "cut" || given->act == "merge" || given->act == "recover";
         if (writes == given->out.empty())
             throw problem(exit_code::usage, "usage",
-                          writes ? fmt::format("'bag {}' takes --out: the new file", given->act)
-                                 : fmt::format("'bag {}' writes no file: it takes no --out", given->act));
+                          writes ? fmt::format("'bag {}' requires --out: the new file", given->act)
+                                 : fmt::format("'bag {}' writes no file: it does not accept --out", given->act));
         const bool parts = given->act == "cat" || given->act == "cut";
         if (!parts && (given->from || given->until))
-            throw problem(exit_code::usage, "usage",
-                          fmt::format("'bag {}' takes no --from and --until: ise bag cut makes a part", given->act));
+            throw problem(
+                exit_code::usage, "usage",
+                fmt::format("'bag {}' does not accept --from and --until: ise bag cut makes a part", given->act));
         if (!parts && given->act != "merge" && !given->only.empty())
-            throw problem(exit_code::usage, "usage", fmt::format("'bag {}' takes no --only", given->act));
+            throw problem(exit_code::usage, "usage", fmt::format("'bag {}' does not accept --only", given->act));
         if (given->from && given->until && *given->from >= *given->until)
             throw problem(exit_code::usage, "usage", "--from is not before --until: nothing is between them");
         if (given->files.size() > 1 && (given->act == "cut" || given->act == "recover"))
-            throw problem(exit_code::usage, "usage", fmt::format("'bag {}' takes one file", given->act),
+            throw problem(exit_code::usage, "usage", fmt::format("'bag {}' requires one file", given->act),
                           "ise bag merge makes one of several");
         made.work = [given](context& in) { return bag_work(in, *given); };
     });

@@ -16,7 +16,7 @@ namespace ise::cli {
 namespace {
 
 constexpr const char* exit_codes = R"(Exit codes:
-  0    the answer is complete; also when Ctrl-C ended echo, hz, bw, delay, top, pub or mock, or a reader such as head ended
+  0    the answer is complete; also when Ctrl-C ended a command that runs until Ctrl-C, or a reader such as head ended
   1    the component was reached and refused, or failed; a start or a step of up failed; doctor found something
   2    the command line or a deployment file is invalid; a call without its request
   3    not reached: no name server, no such name or service, no answer in time
@@ -43,7 +43,8 @@ void add_common_options(command_line::app& app, settings& set) {
     app.set_version_flag("--version", "ise " ISE_VERSION);
     app.footer(exit_codes);
     app.add_option("--name-server", set.name_server,
-                   "its endpoint (default: $ISE_NAME_SERVER, else tcp://127.0.0.1:7400)")
+                   "endpoints of the name servers, separated by commas (default: $ISE_NAME_SERVER, else "
+                   "tcp://127.0.0.1:7400)")
         ->type_name("ENDPOINT");
     add_credentials(app, set.security);
     app.add_option("--as", set.as,
@@ -112,7 +113,7 @@ problem unfit(const command_line::app& app, const command_line::parse_error& wro
 
 parsed_command read_command_line(int count, const char* const* arguments) {
     parsed_command made;
-    command_line::app app("Lists, describes, calls, listens to, looks after and starts components.", "ise");
+    command_line::app app("Inspects, calls, monitors and starts components.", "ise");
     add_common_options(app, made.set);
     add_commands(app, made);
     refuse_unknown_command(app, count, arguments);

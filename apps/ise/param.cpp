@@ -130,11 +130,12 @@ task<> set_parameter(context& in, remote who, param_options options) {
 void check_words(const param_options& options) {
     auto need = [&](bool given, const char* what) {
         if (!given)
-            throw problem(exit_code::usage, "usage", fmt::format("ise param {} takes {}", options.act, what),
+            throw problem(exit_code::usage, "usage", fmt::format("ise param {} requires {}", options.act, what),
                           fmt::format("ise param list {}", options.name));
     };
     auto refuse = [&](bool given, const char* what) {
-        if (given) throw problem(exit_code::usage, "usage", fmt::format("ise param {} takes no {}", options.act, what));
+        if (given)
+            throw problem(exit_code::usage, "usage", fmt::format("ise param {} does not accept {}", options.act, what));
     };
     if (options.act == "list") return refuse(!options.parameter.empty(), "PARAMETER");
     need(!options.parameter.empty(), "a PARAMETER");

@@ -135,10 +135,10 @@ void declare_record(command_line::app& app, parsed_command& made) {
         auto& settings = given->what;
         for (const auto& path : settings.paths) check_prefix(path);
         if (settings.ring > duration{} && settings.triggers.empty())
-            throw problem(exit_code::usage, "usage", "--ring takes at least one --trigger",
+            throw problem(exit_code::usage, "usage", "--ring requires a --trigger",
                           "or start the component type recorder, whose service 'trigger' writes its ring");
         if (settings.ring == duration{} && !settings.triggers.empty())
-            throw problem(exit_code::usage, "usage", "--trigger takes --ring: the time that is kept until then");
+            throw problem(exit_code::usage, "usage", "--trigger requires --ring: the time that is kept until then");
         if (given->lossless) settings.policy = overflow::lossless;
         settings.calls = !given->no_calls;
         settings.parameters = !given->no_parameters;

@@ -99,8 +99,7 @@ task<> start(context& in, start_options options) {
         co_return;
     }
     if (options.type.empty())
-        throw problem(exit_code::usage, "usage", "which type is to be started?",
-                      "ise start --types tells what there is");
+        throw problem(exit_code::usage, "usage", "which type is to be started?", "ise start --types lists the types");
     instantiation::start_request request;
     request.type = options.type;
     request.path = options.name;
@@ -149,7 +148,9 @@ void declare_start(command_line::app& app, parsed_command& made) {
     add_each(app, "--set,-s", given->set, "a parameter of the type; several are allowed");
     app.add_option("--namespace", given->name_space, "prefix of its path")->type_name("PREFIX");
     auto* listen = add_each(app, "--listen", given->listen,
-                            "endpoint to listen on (default: in-process, local and loopback)", "ENDPOINT");
+                            "endpoint to listen on (default: in-process, shared memory, a local socket and a port of "
+                            "the loopback interface)",
+                            "ENDPOINT");
     app.add_option("--protocol", given->protocol, "listen on any endpoint of that kind")
         ->check(one_of(schemes_between_processes()))
         ->excludes(listen);

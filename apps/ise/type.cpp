@@ -138,7 +138,7 @@ task<> type(context& in, type_options options) {
             exit_code::mismatch, "type_mismatch",
             fmt::format("'{}' of {} (reader) does not fit '{}' of {} (writer)", options.service, options.name,
                         other_service, options.other_name),
-            "fields, enumerators and alternatives may be appended; anything else takes a service of another name");
+            "fields, enumerators and alternatives may be appended; anything else requires a service of another name");
 }
 
 void declare_type(command_line::app& app, parsed_command& made) {
@@ -155,7 +155,7 @@ void declare_type(command_line::app& app, parsed_command& made) {
         if (two == given->other_name.empty())
             throw problem(
                 exit_code::usage, "usage",
-                two ? "with what is it to be compared?" : "'type show' takes one component and one service",
+                two ? "with what is it to be compared?" : "'type show' requires one component and one service",
                 two ? fmt::format("ise type diff {} {} OTHER_NAME [OTHER_SERVICE]", given->name, given->service)
                     : "to compare two: ise type diff");
         made.work = [given](context& in) { return type(in, *given); };

@@ -98,7 +98,7 @@ task<> down(context& in, deployment_options options) {
                                 lacking));
     if (why)
         throw problem(why->code(), why->name(), fmt::format("not all of {} is down: {}", wanted.name.text, why->what()),
-                      "ise ps tells what runs; try again");
+                      "ise ps lists the instances; try again");
     auto text = show_deployment(wanted, "down", steps, steps, in.set.json);
     co_await in.out.write(in.self, std::move(text));
 }

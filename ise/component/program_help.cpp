@@ -29,8 +29,8 @@ std::string common_rows() {
     constexpr std::size_t column = 25;
     const std::array<std::pair<const char*, const char*>, 15> all{{
         {"--path=PATH", "the name that it registers (default: that of the type)"},
-        {"--listen=ENDPOINT", "where it listens; several are allowed (default: in-process, a local socket and a port "
-                              "of the loopback interface)"},
+        {"--listen=ENDPOINT", "where it listens; several are allowed (default: in-process, shared memory, a local "
+                              "socket and a port of the loopback interface)"},
         {"--advertise=ENDPOINT",
          "a further address to register, of a tunnel or an address translation; several are allowed"},
         {"--role=ROLE=PRIORITY", "a role that it serves; the highest priority is preferred; several are allowed"},

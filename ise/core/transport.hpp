@@ -80,7 +80,7 @@ inline constexpr protocol protocol::tls{transports::tls};
 inline constexpr protocol protocol::local{transports::local};
 inline constexpr protocol protocol::inproc{transports::inproc};
 
-/// "tcp", "udp", "tls", "local", "inproc".
+/// Its scheme, such as "tcp".
 inline std::string_view name_of(protocol kind) noexcept { return kind->scheme; }
 
 /// The rows of ISE. Defined in `ise/transport/table.cpp`: rows know how streams are made, which the core does not.
@@ -91,7 +91,7 @@ std::vector<protocol> all_transports();
 const transport* find_transport(std::string_view scheme) noexcept;
 /// The row of a text that begins with `scheme://`, such as the name of a peer; null: there is none. Thread-safe.
 const transport* transport_of(std::string_view text) noexcept;
-/// The schemes of those that lead to other processes, for options and errors: "tcp", "udp", "tls", "local".
+/// The schemes of those that lead to other processes, for options and errors.
 /// Thread-safe.
 std::vector<std::string> schemes_between_processes();
 

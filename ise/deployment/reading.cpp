@@ -145,7 +145,7 @@ private:
             for (const auto& one : after) made.after->push_back({one.text, one.at});
         }
         if (made.type.text.empty() && !from.what.find("type"))
-            wrong(from.at, fmt::format("{} has no 'type': ise start --types tells what there is", of));
+            wrong(from.at, fmt::format("{} has no 'type': ise start --types lists the types", of));
         take_host(made, of, from.what.find("host") != nullptr);
         const auto* kind = find_transport(request.protocol);
         if (!request.protocol.empty() && (!kind || kind->same_process))

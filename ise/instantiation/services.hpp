@@ -69,7 +69,7 @@ struct start_request {
     std::string name_space;          ///< put before the path: "atirma" and "boat" are "atirma/boat"
     std::vector<argument> arguments; ///< parameters of the type
     std::vector<std::string> listen; ///< endpoints; none: what its node chooses
-    std::string protocol; ///< "tcp", "udp", "tls" or "local": any endpoint of that kind; else as `listen` says
+    std::string protocol; ///< such as "tcp": any endpoint of a scheme that reaches other processes; else `listen`
     std::vector<argument> variables; ///< environment variables that the type declares
     restart_terms terms;
     std::map<std::string, std::int32_t> roles; ///< that it serves beside its name, with its priority there

@@ -65,7 +65,7 @@ public:
 
     /// Replays one recording, once in a world. Returns when everything of the recording was played and the answers had
     /// a second to come. Throws errc::io_failed and errc::malformed for the file, errc::invalid_argument where it has
-    /// nothing of the components, the errors of `node::start`, and errc::already_running for a second recording.
+    /// nothing of the components or for a second recording, errc::timed_out, and the errors of `node::start`.
     replay_report play(const std::string& file, const replay_options& options);
 
 private:

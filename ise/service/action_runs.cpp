@@ -26,8 +26,9 @@ constexpr std::size_t remembered = 1024;
 constexpr std::byte a_report{0}, a_result{1}, a_failure{2};
 
 bytes update_of(std::byte kind, bytes_view packet) {
-    bytes made(1, kind);
-    made.insert(made.end(), packet.begin(), packet.end());
+    bytes made(1 + packet.size());
+    made.front() = kind;
+    std::ranges::copy(packet, made.begin() + 1);
     return made;
 }
 

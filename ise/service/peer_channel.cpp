@@ -34,7 +34,10 @@ failure overloaded(session& over, const std::string& who, execution began = exec
 
 std::string text_of(const std::vector<endpoint>& all) {
     std::string text;
-    for (const auto& one : all) text += (text.empty() ? "" : ",") + one.text();
+    for (const auto& one : all) {
+        if (!text.empty()) text += ',';
+        text += one.text();
+    }
     return text;
 }
 

@@ -38,7 +38,7 @@ struct published_packet {
 struct publication_losses {
     std::uint64_t replaced = 0;       ///< keep the latest: a newer one came before it was taken
     std::uint64_t overrun = 0;        ///< keep the last N: more than N waited
-    std::uint64_t too_many_bytes = 0; ///< session_bytes
+    std::uint64_t too_many_bytes = 0; ///< four times session_bytes
     std::uint64_t too_large = 0;      ///< for what the subscriber accepts
     std::uint64_t ended = 0;          ///< subscribers that were too slow for a policy that drops nothing
 };

@@ -84,7 +84,8 @@ result<void> security::may_listen(const endpoint& at) const {
         errc::unauthorized,
         fmt::format("nobody may listen on {} without credentials: every host that reaches it could use it. Give it a "
                     "shared key (--key FILE or ISE_KEY), or let it "
-                    "listen on tls:// with certificates (--tls FOLDER or ISE_TLS), or on 127.0.0.1 or a local socket",
+                    "listen on tls:// or udp+tls:// with certificates (--tls FOLDER or ISE_TLS), or on 127.0.0.1 or a "
+                    "local socket",
                     at.text()));
 }
 

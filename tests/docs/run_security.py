@@ -68,7 +68,7 @@ def started_with_key(folder, names, ise, instantiation_server, program):
     key = ["--key", folder / "system.key"]
     with subprocess.Popen([*words, *key], stdout=subprocess.PIPE, text=True, env=clean()) as server:
         try:
-            expect("with the key it does", "starts what lies in" in server.stdout.readline(), "")
+            expect("with the key it does", "serves the programs in" in server.stdout.readline(), "")
             there = [ise, "--name-server", names, "--timeout", "60s", *key]
             told = subprocess.run([*there, "--wait", "describe", "--names", "ise/host/one"], capture_output=True, text=True, timeout=LIMIT_S, env=clean())
             expect("it is found", told.returncode == 0, told.stdout + told.stderr)

@@ -123,7 +123,7 @@ TEST_CASE("what bag cannot do is refused with the file and what to do") {
                Contains(whole.path + " has no topic 'atirma/boat/positon', did you mean 'atirma/boat/position'?"));
     CHECK_THAT(refused({"cut", whole.path, "--until", "1s", "--out", text}), Contains(text + " exists already"));
     CHECK(cli_test::text_of(text) == "wind from the north-east");
-    CHECK_THAT(refused({"cut", whole.path, "--until", "1s"}), Contains("'bag cut' takes --out"));
+    CHECK_THAT(refused({"cut", whole.path, "--until", "1s"}), Contains("'bag cut' requires --out"));
     CHECK_THAT(refused({"play", text}), Contains("'play' is none of"));
 }
 
