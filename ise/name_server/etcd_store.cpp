@@ -427,13 +427,15 @@ task<result<std::vector<store_outcome>>> etcd_store::write(std::vector<store_ste
 }
 
 // A read that is not answered by a member alone.
-task<result<void>> etcd_store::probe() {
+task<result<std::uint64_t>> etcd_store::probe() {
     json question;
     question["key"] = coded(options_.prefix);
     question["count_only"] = true;
     auto report = co_await post("kv/range", question.dump());
     if (!report) co_return report.error();
-    co_return result<void>();
+    auto answer = json::parse(*report, nullptr, false);
+    if (!answer.is_object() || revision_of(answer) == 0) co_return unreadable();
+    co_return revision_of(answer);
 }
 
 task<result<void>> etcd_store::grant(std::uint64_t lease, duration length) {

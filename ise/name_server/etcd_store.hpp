@@ -32,7 +32,7 @@ public:
 
     task<result<store_snapshot>> read() override;
     task<result<std::vector<store_outcome>>> write(std::vector<store_step> steps) override;
-    task<result<void>> probe() override;
+    task<result<std::uint64_t>> probe() override;
     task<result<void>> grant(std::uint64_t lease, duration length) override;
     task<result<void>> keep(std::uint64_t lease, duration within) override;
     task<result<void>> revoke(std::uint64_t lease) override;

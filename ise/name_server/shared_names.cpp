@@ -141,6 +141,7 @@ task<result<void>> shared_names::read_all() {
         offset = std::ranges::find_if(all->entries, is_offset);
         if (offset == all->entries.end()) co_return failure(errc::malformed, "the store lost the offset of epochs");
     }
+    if (all->revision < revision_) begin_anew();
     try {
         offset_ = std::stoull(offset->value);
     } catch (const std::exception&) {
@@ -170,6 +171,18 @@ task<result<void>> shared_names::read_all() {
     names_.complete(true);
     apply(changes, all->revision);
     co_return result<void>();
+}
+
+void shared_names::begin_anew() {
+    log_.warning("the store was restored from a backup: all names are read anew",
+                 {{"last revision", std::to_string(revision_)}});
+    revision_ = pulse_ = 0;
+    for (auto& [path, one] : known_) one.changed = 0;
+    for (auto& [key, one] : nodes_) {
+        one.changed = 0;
+        one.confirmed.reset();
+        one.tried.reset();
+    }
 }
 
 void shared_names::apply(const std::vector<store_change>& changes, std::uint64_t revision) {
@@ -615,6 +628,7 @@ void shared_names::give_time() {
 task<> shared_names::tend(shared_names& self) {
     while (!self.scope_.stopping()) {
         const auto asked = self.on_.now();
+        const auto seen = self.revision_;
         self.asked_at_ = asked;
         auto alive = co_await self.store_.probe();
         self.asked_at_.reset();
@@ -622,6 +636,11 @@ task<> shared_names::tend(shared_names& self) {
         if (alive) self.heard();
         else self.obstacle_ = alive.error().message();
         if (!alive) self.names_.heard_since(self.on_.now());
+        if (alive && *alive < seen) {
+            self.read_ = false;
+            self.obstacle_ = "it was restored from a backup, and is read anew";
+        }
+        if (!self.read_) self.store_.end_watch(); // it waits for revisions that are far away; also one just begun
         const bool answered = std::exchange(self.store_answers_, static_cast<bool>(alive));
         if (alive && !answered) self.give_time();
         auto why = self.trouble();
