@@ -432,6 +432,12 @@ task<> shared_names::keep_here(naming::node_identity who, duration lease) {
     throw error(errc::refused, "another name server keeps this node's lease now; ask again");
 }
 
+bool shared_names::full_for(std::uint64_t lease_key) const {
+    if (nodes_.contains(lease_key) || arriving_.contains(lease_key)) return false;
+    const auto others = std::ranges::count_if(arriving_, [&](auto key) { return !nodes_.contains(key); });
+    return nodes_.size() + static_cast<std::size_t>(others) >= names_.options().limits.max_nodes;
+}
+
 task<naming::register_response> shared_names::enroll(naming::register_request request) {
     naming::register_response response;
     response.server_incarnation = incarnation_;
@@ -443,6 +449,24 @@ task<naming::register_response> shared_names::enroll(naming::register_request re
     }
     const auto lease_key = request.node.lease_key;
     const auto lease = std::min(request.lease, names_.options().lease);
+    if (full_for(lease_key)) {
+        for (const auto& claim : request.components) {
+            response.grants.push_back(answer_of(
+                claim.path, verdict::wait,
+                fmt::format("{} nodes are registered, which is max_nodes", names_.options().limits.max_nodes)));
+            response.grants.back().retry_after = lease / 2;
+        }
+        co_return response;
+    }
+    struct arrival { // counted from now on, so that those who come at once do not pass the limit together
+        std::set<std::uint64_t>& all;
+        std::uint64_t key;
+        bool counted;
+        arrival(std::set<std::uint64_t>& in, std::uint64_t of) : all(in), key(of), counted(in.insert(of).second) {}
+        ~arrival() {
+            if (counted) all.erase(key);
+        }
+    } arriving(arriving_, lease_key);
     auto who = request.node;
     co_await keep_here(std::move(who), lease);
     const auto store_lease_number = nodes_.at(lease_key).what.store_lease;

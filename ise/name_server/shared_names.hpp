@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -107,6 +108,7 @@ private:
     bool confirmed_within(const known_node& node, duration age) const {
         return node.confirmed && on_.now() - *node.confirmed < age;
     }
+    bool full_for(std::uint64_t lease_key) const;
     void note_asked(std::uint64_t lease_key);
     bool due(const known_node& node) const;
     bool answers_slowly() const;
@@ -133,6 +135,7 @@ private:
     bool store_answers_ = true;          // the last question whether it does
     duration answer_took_{};             // to that question
     std::optional<time_point> asked_at_; // that question again, which is not answered yet
+    std::set<std::uint64_t> arriving_;   // nodes that are being written; `nodes_` has some of them already
     std::size_t keeping_ = 0;            // renewals that are not answered yet
     std::list<std::shared_ptr<queued_write>> queue_;
     std::size_t writers_ = 0; // that empty it

@@ -540,6 +540,35 @@ TEST_CASE("shared names: the claims of one request, and of requests at once, cou
     CHECK(verdicts[ise::naming::verdict::wait] > 0);
 }
 
+TEST_CASE("shared names: nodes beyond max_nodes wait until another has gone, also those that come at once") {
+    ise::registry_limits limits;
+    limits.max_nodes = 2;
+    shared_system it(1, 1, limits);
+    std::vector<ise::sim::process*> nodes;
+    for (int n = 0; n != 4; ++n)
+        nodes.push_back(&it.start_doubler(fmt::format("boat{}", n), fmt::format("atirma/boat{}", n)));
+    auto held = [&] {
+        std::vector<std::size_t> found;
+        for (std::size_t n = 0; n != 4; ++n)
+            if (it.epoch_at(0, fmt::format("atirma/boat{}", n)) != 0) found.push_back(n);
+        return found;
+    };
+    it.world.run_for(20s);
+    auto before = held();
+    REQUIRE(before.size() == 2);
+    CHECK(it.names[0]->names()->nodes() == 2);
+    CHECK(it.warned("which is max_nodes"));
+    nodes[before.front()]->crash();
+    CHECK(it.world.run_until(
+        [&] {
+            auto now = held();
+            return now.size() == 2 && now != before;
+        },
+        30s));
+    it.world.run_for(20s);
+    CHECK(it.names[0]->names()->nodes() == 2);
+}
+
 TEST_CASE("shared names: a store without space grants nothing new, says so, and loses nothing") {
     shared_system it;
     it.start_doubler("boat", "atirma/doubler");
