@@ -84,6 +84,18 @@ void make_folder(const std::string& path) {
     if (::mkdir(path.c_str(), folder_mode) != 0) fail("make the folder", path, errno);
 }
 
+std::shared_ptr<const void> lock_folder(const std::string& path) {
+    auto file = (std::filesystem::path(path) / "lock").string();
+    int handle = ::open(file.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, secret_mode);
+    if (handle < 0) fail("open", file, errno);
+    std::shared_ptr<const void> held(nullptr, [handle](const void*) { ::close(handle); });
+    struct flock whole {};
+    whole.l_type = F_WRLCK;
+    while (::fcntl(handle, F_OFD_SETLKW, &whole) != 0)
+        if (errno != EINTR) fail("lock", file, errno);
+    return held;
+}
+
 std::string read_public(const std::string& file) {
     real_environment env;
     auto text = env.read_trusted(file, max_file);
