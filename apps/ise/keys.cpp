@@ -66,7 +66,8 @@ auto about(const std::string& file, Work work) {
     }
 }
 
-// The folder of an authority: ca.pem, ca-key.pem, revoked.pem once there is a list, and issued/ with what it signed.
+// The folder of an authority: ca.pem, ca-key.pem, revoked.pem once there is a list, and issued/ with what it signed. It
+// is locked from when it is read: another command would write a list of what it read, too.
 class office {
 public:
     explicit office(std::string folder) : folder_(std::move(folder)) {
@@ -74,6 +75,7 @@ public:
             throw problem(exit_code::failed, "no_authority",
                           fmt::format("{} is no folder of an authority: there is no ca-key.pem in it", folder_),
                           "ise keys ca SYSTEM makes one; --authority FOLDER says where it is");
+        lock_ = lock_folder(folder_);
         who.certificate = read_public(in(folder_, "ca.pem"));
         who.key = read_private(in(folder_, "ca-key.pem"));
         if (is_there(in(folder_, "revoked.pem"))) who.list = read_public(in(folder_, "revoked.pem"));
@@ -120,6 +122,7 @@ private:
     }
 
     std::string folder_;
+    std::shared_ptr<const void> lock_;
 };
 
 // What a command says: lines for people, or a line of JSON.
@@ -136,6 +139,7 @@ std::string make_authority(const settings& set, const keys_options& given) {
     auto valid = days_of(given, authority_days);
     auto made = pki::authority::make(given.system, now(), valid);
     make_folder(given.authority);
+    auto lock = lock_folder(given.authority); // who finds the key waits for the certificate
     write_new(in(given.authority, "ca-key.pem"), made.key, secret_mode);
     write_new(in(given.authority, "ca.pem"), made.certificate, public_mode);
     done_line line{"ca", in(given.authority, "ca.pem"), "ise://" + given.system, iso_8601(now() + valid)};

@@ -1,4 +1,5 @@
 #pragma once
+#include <memory>
 #include <string>
 
 /// The files of `ise keys`. Each function throws `problem` that names the file and says what to do.
@@ -10,6 +11,8 @@ bool is_folder(const std::string& path);
 bool is_there(const std::string& path);
 /// A new folder for its owner only; one that is there may be used.
 void make_folder(const std::string& path);
+/// Waits until no other process has the lock of a folder; it is given back with what is returned.
+std::shared_ptr<const void> lock_folder(const std::string& path);
 
 /// At most 1 MiB.
 std::string read_public(const std::string& file);

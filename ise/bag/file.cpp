@@ -2,6 +2,7 @@
 #include <ise/bag/file.hpp>
 
 #include <ise/core/error.hpp>
+#include <ise/core/real/own_file.hpp>
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -10,7 +11,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <filesystem>
 #include <system_error>
 #include <utility>
 
@@ -145,9 +145,7 @@ result<std::unique_ptr<sink>> create_file(const std::string& path) {
     if (opened < 0) return bag_file_failure("create", path);
     auto made = std::make_unique<file_sink>(opened, path);
     // Its name, too, is to be there after a loss of power. Not every file system can promise that.
-    const auto folder = std::filesystem::path(path).parent_path();
-    const descriptor listed(::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-    if (listed.number() >= 0) ::fsync(listed.number());
+    [[maybe_unused]] auto unsynced = sync_folder_of(path);
     return std::unique_ptr<sink>(std::move(made));
 }
 

@@ -154,6 +154,10 @@ task<set_response> changes::set(set_request what) {
         if (why.code() != errc::invalid_argument) throw;
         throw error(errc::refused, why.what()); // of what was asked for: as such it reaches the caller
     }
+    if (auto kept = state_.saved(); !kept)
+        throw error(errc::refused, fmt::format("'{}' has the new value, which is lost with this instantiation server, "
+                                               "because the state is not on disk: {}; set it again",
+                                               what.path, kept.error().message()));
     co_return made;
 }
 

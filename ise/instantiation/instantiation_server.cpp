@@ -66,8 +66,8 @@ instantiation_server::parts::parts(server_context& context, remote name_server)
       probes(here, instances), names(here, instances, std::move(name_server)),
       shared(here, table, state, instances, names), processes(here, types, state, instances, names, shared),
       starting(here, types, table, instances, names, shared),
-      changing(here, types, table, instances, probes, shared, starting), checking(here, types, table, names, shared),
-      former(here, types, instances, names, shared, processes) {}
+      changing(here, types, table, state, instances, probes, shared, starting),
+      checking(here, types, table, names, shared), former(here, types, instances, names, shared, processes) {}
 
 supervisor::actions instantiation_server::parts::actions() {
     supervisor::actions made;

@@ -1,4 +1,5 @@
 // environment-boundary: what an instantiation server does to its host is done here
+#include <ise/core/real/own_file.hpp>
 #include <ise/instantiation/process_table.hpp>
 #include <ise/instantiation/real_machine.hpp>
 
@@ -58,9 +59,7 @@ result<void> real_machine::replace_reserved(const std::string& path, const std::
         if (room) [[maybe_unused]]
             auto kept = ::posix_fallocate(room.get(), 0, static_cast<off_t>(text.size()));
     }
-    auto folder = path.substr(0, path.rfind('/') + 1);
-    file_handle at(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-    if (at) ::fsync(at.get());
+    [[maybe_unused]] auto unsynced = sync_folder_of(path);
     return {};
 }
 

@@ -25,9 +25,9 @@ void state_keeper::check_room(const start_request& more) const {
 
 result<void> state_keeper::try_save() {
     if (!began_) return {};
-    auto kept = save_state(here_.host, file(), now());
-    if (!kept) here_.self.log().error(fmt::format("the state is not on disk: {}", kept.error().message()));
-    return kept;
+    kept_ = save_state(here_.host, file(), now());
+    if (!kept_) here_.self.log().error(fmt::format("the state is not on disk: {}", kept_.error().message()));
+    return kept_;
 }
 
 saved_state state_keeper::load() {

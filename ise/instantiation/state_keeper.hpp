@@ -16,6 +16,8 @@ public:
     /// The whole table goes to the disk, once `begin` was called. An error is logged, too.
     result<void> try_save();
     void save() { [[maybe_unused]] auto logged = try_save(); }
+    /// Whether the table is on the disk: the outcome of the last save or, if that failed, of another one.
+    result<void> saved() { return kept_ ? kept_ : try_save(); }
     /// Empty where there is none, or where it is malformed, which is logged. Throws errc::io_failed if the disk fails.
     saved_state load();
     /// The table holds all that was loaded. It is saved now, and on each change from now on; until then the former one
@@ -29,6 +31,7 @@ private:
     server_context& here_;
     const instance_table& table_;
     bool began_ = false;
+    result<void> kept_; // of the last save
 };
 
 } // namespace ise::instantiation

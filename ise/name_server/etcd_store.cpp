@@ -1,5 +1,6 @@
 #include <ise/name_server/etcd_store.hpp>
 
+#include <ise/core/listed_waiter.hpp>
 #include <ise/net/connect.hpp>
 #include <ise/packet/detail/text_forms.hpp>
 
@@ -267,6 +268,7 @@ task<result<std::string>> etcd_store::post_once(route& by, std::string target, s
         over = std::move(*made);
     }
     over->until(deadline);
+    const auto shown = token_;
     auto text = request_text(target, body);
     auto sent = co_await over->send(std::move(text));
     std::optional<failure> why;
@@ -301,7 +303,7 @@ task<result<std::string>> etcd_store::post_once(route& by, std::string target, s
     auto words = words_of(answer);
     if (words.find("lease not found") != words.npos) co_return failure(errc::no_such_name, words);
     if (status == 401 || words.find("invalid auth token") != words.npos) {
-        token_.clear();
+        if (token_ == shown) token_.clear(); // else there is a newer one already
         co_return failure(errc::unauthorized, fmt::format("etcd refuses the user '{}': {}", options_.user, words));
     }
     if (status >= 500) pass_over(by, member); // no leader, or it stops
@@ -309,16 +311,46 @@ task<result<std::string>> etcd_store::post_once(route& by, std::string target, s
 }
 
 task<result<void>> etcd_store::log_in(route& by, duration within) {
+    const auto until = saturating_add(on_.now(), within);
+    while (token_.empty()) {
+        if (auto other = logging_in_) {
+            listed_waiter end(on_, other->waiting);
+            timer late(on_, [&end] { end.resume(); });
+            late.arm(until);
+            co_await end.wait();
+            if (other->outcome) co_return *other->outcome;
+            if (on_.now() >= until) co_return failure(errc::timed_out, "etcd did not answer in time");
+            continue;
+        }
+        struct announced { // also where this one is cancelled
+            std::shared_ptr<log_in_under_way>& place;
+            std::shared_ptr<log_in_under_way> own;
+            ~announced() {
+                place.reset();
+                for (auto* one : own->waiting) one->resume();
+            }
+        } guard{logging_in_, std::make_shared<log_in_under_way>()};
+        logging_in_ = guard.own;
+        auto token = co_await new_token(by, until - on_.now());
+        if (token) token_ = std::move(*token);
+        guard.own->outcome = token ? result<void>() : result<void>(token.error());
+        co_return *guard.own->outcome;
+    }
+    co_return result<void>();
+}
+
+task<result<std::string>> etcd_store::new_token(route& by, duration within) {
     json who;
     who["name"] = options_.user;
     who["password"] = options_.password;
     auto outcome = co_await post_once(by, "auth/authenticate", who.dump(), within);
     if (!outcome) co_return outcome.error();
     auto read = json::parse(*outcome, nullptr, false);
-    if (read.is_object()) token_ = read.value("token", std::string());
-    if (token_.empty() || token_.find_first_of("\r\n") != token_.npos)
+    std::string token;
+    if (read.is_object()) token = read.value("token", std::string());
+    if (token.empty() || token.find_first_of("\r\n") != token.npos)
         co_return failure(errc::unauthorized, "etcd gave no token");
-    co_return result<void>();
+    co_return token;
 }
 
 task<result<std::string>> etcd_store::post(route& by, std::string target, std::string body, duration within) {
@@ -427,13 +459,15 @@ task<result<std::vector<store_outcome>>> etcd_store::write(std::vector<store_ste
 }
 
 // A read that is not answered by a member alone.
-task<result<void>> etcd_store::probe() {
+task<result<std::uint64_t>> etcd_store::probe() {
     json question;
     question["key"] = coded(options_.prefix);
     question["count_only"] = true;
     auto report = co_await post("kv/range", question.dump());
     if (!report) co_return report.error();
-    co_return result<void>();
+    auto answer = json::parse(*report, nullptr, false);
+    if (!answer.is_object() || revision_of(answer) == 0) co_return unreadable();
+    co_return revision_of(answer);
 }
 
 task<result<void>> etcd_store::grant(std::uint64_t lease, duration length) {

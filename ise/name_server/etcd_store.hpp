@@ -2,10 +2,12 @@
 #include <ise/core/environment.hpp>
 #include <ise/core/loop.hpp>
 #include <ise/core/stream.hpp>
+#include <ise/core/waiter.hpp>
 #include <ise/name_server/name_store.hpp>
 #include <ise/transport/security.hpp>
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -32,7 +34,7 @@ public:
 
     task<result<store_snapshot>> read() override;
     task<result<std::vector<store_outcome>>> write(std::vector<store_step> steps) override;
-    task<result<void>> probe() override;
+    task<result<std::uint64_t>> probe() override;
     task<result<void>> grant(std::uint64_t lease, duration length) override;
     task<result<void>> keep(std::uint64_t lease, duration within) override;
     task<result<void>> revoke(std::uint64_t lease) override;
@@ -62,13 +64,20 @@ private:
     /// `more`: further lines of its head.
     std::string request_text(std::string_view target, const std::string& body, std::string_view more = {}) const;
     task<result<std::string>> post_once(route& by, std::string target, std::string body, duration within);
+    /// There is a token: at once, or by the log-in that is under way, or by one of its own.
     task<result<void>> log_in(route& by, duration within);
+    task<result<std::string>> new_token(route& by, duration within);
     void pass_over(route& by, std::size_t member);
 
     loop& on_;
     etcd_options options_;
     route asking_, keeping_;
     std::string token_;
+    struct log_in_under_way {
+        std::optional<result<void>> outcome; // nothing at its end: it was cancelled
+        std::vector<waiter<>*> waiting;
+    };
+    std::shared_ptr<log_in_under_way> logging_in_;
     line* watching_ = nullptr;
 };
 

@@ -58,8 +58,9 @@ public:
     /// Each step by itself, together in one revision, at most `max_steps`, no key twice; errors as
     /// above. Cancellation: terminal; the steps may have been done.
     virtual task<result<std::vector<store_outcome>>> write(std::vector<store_step> steps) = 0;
-    /// Whether a majority of the store answers; errors as above. Cancellation: terminal.
-    virtual task<result<void>> probe() = 0;
+    /// The revision of the store, if a majority of it answers; errors as above. One below a revision that was seen
+    /// before means that the store was restored from a backup. Cancellation: terminal.
+    virtual task<result<std::uint64_t>> probe() = 0;
 
     /// A lease of a number that was never used; errors as above. Cancellation: terminal; it may have been made.
     virtual task<result<void>> grant(std::uint64_t lease, duration length) = 0;

@@ -141,6 +141,7 @@ task<result<void>> shared_names::read_all() {
         offset = std::ranges::find_if(all->entries, is_offset);
         if (offset == all->entries.end()) co_return failure(errc::malformed, "the store lost the offset of epochs");
     }
+    if (all->revision < revision_) begin_anew();
     try {
         offset_ = std::stoull(offset->value);
     } catch (const std::exception&) {
@@ -170,6 +171,18 @@ task<result<void>> shared_names::read_all() {
     names_.complete(true);
     apply(changes, all->revision);
     co_return result<void>();
+}
+
+void shared_names::begin_anew() {
+    log_.warning("the store was restored from a backup: all names are read anew",
+                 {{"last revision", std::to_string(revision_)}});
+    revision_ = pulse_ = 0;
+    for (auto& [path, one] : known_) one.changed = 0;
+    for (auto& [key, one] : nodes_) {
+        one.changed = 0;
+        one.confirmed.reset();
+        one.tried.reset();
+    }
 }
 
 void shared_names::apply(const std::vector<store_change>& changes, std::uint64_t revision) {
@@ -419,6 +432,12 @@ task<> shared_names::keep_here(naming::node_identity who, duration lease) {
     throw error(errc::refused, "another name server keeps this node's lease now; ask again");
 }
 
+bool shared_names::full_for(std::uint64_t lease_key) const {
+    if (nodes_.contains(lease_key) || arriving_.contains(lease_key)) return false;
+    const auto others = std::ranges::count_if(arriving_, [&](auto key) { return !nodes_.contains(key); });
+    return nodes_.size() + static_cast<std::size_t>(others) >= names_.options().limits.max_nodes;
+}
+
 task<naming::register_response> shared_names::enroll(naming::register_request request) {
     naming::register_response response;
     response.server_incarnation = incarnation_;
@@ -430,6 +449,24 @@ task<naming::register_response> shared_names::enroll(naming::register_request re
     }
     const auto lease_key = request.node.lease_key;
     const auto lease = std::min(request.lease, names_.options().lease);
+    if (full_for(lease_key)) {
+        for (const auto& claim : request.components) {
+            response.grants.push_back(answer_of(
+                claim.path, verdict::wait,
+                fmt::format("{} nodes are registered, which is max_nodes", names_.options().limits.max_nodes)));
+            response.grants.back().retry_after = lease / 2;
+        }
+        co_return response;
+    }
+    struct arrival { // counted from now on, so that those who come at once do not pass the limit together
+        std::set<std::uint64_t>& all;
+        std::uint64_t key;
+        bool counted;
+        arrival(std::set<std::uint64_t>& in, std::uint64_t of) : all(in), key(of), counted(in.insert(of).second) {}
+        ~arrival() {
+            if (counted) all.erase(key);
+        }
+    } arriving(arriving_, lease_key);
     auto who = request.node;
     co_await keep_here(std::move(who), lease);
     const auto store_lease_number = nodes_.at(lease_key).what.store_lease;
@@ -615,6 +652,7 @@ void shared_names::give_time() {
 task<> shared_names::tend(shared_names& self) {
     while (!self.scope_.stopping()) {
         const auto asked = self.on_.now();
+        const auto seen = self.revision_;
         self.asked_at_ = asked;
         auto alive = co_await self.store_.probe();
         self.asked_at_.reset();
@@ -622,6 +660,11 @@ task<> shared_names::tend(shared_names& self) {
         if (alive) self.heard();
         else self.obstacle_ = alive.error().message();
         if (!alive) self.names_.heard_since(self.on_.now());
+        if (alive && *alive < seen) {
+            self.read_ = false;
+            self.obstacle_ = "it was restored from a backup, and is read anew";
+        }
+        if (!self.read_) self.store_.end_watch(); // it waits for revisions that are far away; also one just begun
         const bool answered = std::exchange(self.store_answers_, static_cast<bool>(alive));
         if (alive && !answered) self.give_time();
         auto why = self.trouble();

@@ -11,6 +11,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -87,6 +88,8 @@ private:
     static task<> keep_lease(shared_names& self, std::uint64_t lease_key, std::uint64_t number);
     static task<> end_node(shared_names& self, std::uint64_t lease_key);
     task<result<void>> read_all();
+    /// What was seen has no place in the history of the store any more: all that is read next is newer.
+    void begin_anew();
     void apply(const std::vector<store_change>& changes, std::uint64_t revision);
     void apply(const store_change& change);
     void take_node(const store_entry& entry);
@@ -105,6 +108,7 @@ private:
     bool confirmed_within(const known_node& node, duration age) const {
         return node.confirmed && on_.now() - *node.confirmed < age;
     }
+    bool full_for(std::uint64_t lease_key) const;
     void note_asked(std::uint64_t lease_key);
     bool due(const known_node& node) const;
     bool answers_slowly() const;
@@ -131,6 +135,7 @@ private:
     bool store_answers_ = true;          // the last question whether it does
     duration answer_took_{};             // to that question
     std::optional<time_point> asked_at_; // that question again, which is not answered yet
+    std::set<std::uint64_t> arriving_;   // nodes that are being written; `nodes_` has some of them already
     std::size_t keeping_ = 0;            // renewals that are not answered yet
     std::list<std::shared_ptr<queued_write>> queue_;
     std::size_t writers_ = 0; // that empty it

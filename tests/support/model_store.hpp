@@ -4,6 +4,7 @@
 #include <ise/core/sleep.hpp>
 #include <ise/name_server/name_store.hpp>
 
+#include <algorithm>
 #include <map>
 #include <set>
 #include <string>
@@ -29,6 +30,7 @@ struct model_cluster {
     std::vector<ise::store_change> history; // after `compacted`
     std::uint64_t revision = 1, compacted = 0;
     std::size_t transactions = 0;
+    int restored = 0; ///< how often it was
     // Faults.
     bool majority = true;                         ///< false: nothing is answered
     std::set<std::string> cut_off;                ///< name servers that reach a minority only
@@ -65,6 +67,23 @@ struct model_cluster {
         for (const auto& [number, one] : leases)
             if (one.expires <= now) over.push_back(number);
         for (auto number : over) end(number);
+    }
+    struct backup {
+        std::map<std::string, entry> keys;
+        std::map<std::uint64_t, lease> leases;
+        std::vector<ise::store_change> history;
+        std::uint64_t revision = 0, compacted = 0;
+    };
+    backup make_backup() const { return {keys, leases, history, revision, compacted}; }
+    /// Watches end, and leases begin anew.
+    void restore(backup from) {
+        keys = std::move(from.keys);
+        leases = std::move(from.leases);
+        history = std::move(from.history);
+        revision = from.revision;
+        compacted = from.compacted;
+        for (auto& [number, one] : leases) one.expires = clock() + one.length;
+        ++restored;
     }
     void compact() {
         compacted = revision;
@@ -135,12 +154,14 @@ public:
         co_return outcomes;
     }
 
-    ise::task<ise::result<void>> probe() override {
+    ise::task<ise::result<std::uint64_t>> probe() override {
         const auto until = on_.now() + patience;
         auto way = co_await reach(until);
-        if (!way) co_return way;
+        if (!way) co_return way.error();
+        const auto revision = of_.revision;
         auto back = co_await hear(until);
-        co_return back;
+        if (!back) co_return back.error();
+        co_return revision;
     }
     ise::task<ise::result<void>> grant(std::uint64_t lease, ise::duration length) override {
         const auto until = on_.now() + patience;
@@ -174,8 +195,10 @@ public:
         std::function<void(const std::vector<ise::store_change>&, std::uint64_t)> on_changes) override {
         bool mute = false;
         watch_ended_ = false;
+        const auto restored = of_.restored;
         for (;;) {
-            if (watch_ended_) co_return ise::failure(ise::errc::peer_lost, "the watch was ended");
+            if (watch_ended_ || of_.restored != restored)
+                co_return ise::failure(ise::errc::peer_lost, "the watch was ended");
             if (of_.mute.erase(who_) > 0) mute = true;
             if (mute) {
                 co_await ise::sleep_for(on_, std::chrono::milliseconds(5));
@@ -188,7 +211,7 @@ public:
             std::vector<ise::store_change> news;
             for (const auto& one : of_.history)
                 if (one.entry.changed > revision) news.push_back(one);
-            revision = of_.revision;
+            revision = std::max(revision, of_.revision); // one that is not reached yet is waited for
             // A watch ends with the first question that its member answers too late.
             if (2 * one_way() > patience) {
                 co_await ise::sleep_until(on_, until);

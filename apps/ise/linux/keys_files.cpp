@@ -3,6 +3,7 @@
 #include "../exit_code.hpp"
 
 #include <ise/core/real/environment.hpp>
+#include <ise/core/real/own_file.hpp>
 
 #include <fmt/format.h>
 
@@ -58,15 +59,6 @@ private:
     bool finished_ = false;
 };
 
-// That it is still there after a power failure.
-void keep_entry_of(const std::string& file) {
-    auto folder = std::filesystem::path(file).parent_path().string();
-    int handle = ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (handle < 0) return;
-    ::fsync(handle);
-    ::close(handle);
-}
-
 } // namespace
 
 bool is_folder(const std::string& path) {
@@ -82,6 +74,18 @@ bool is_there(const std::string& path) {
 void make_folder(const std::string& path) {
     if (is_folder(path)) return;
     if (::mkdir(path.c_str(), folder_mode) != 0) fail("make the folder", path, errno);
+}
+
+std::shared_ptr<const void> lock_folder(const std::string& path) {
+    auto file = (std::filesystem::path(path) / "lock").string();
+    int handle = ::open(file.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, secret_mode);
+    if (handle < 0) fail("open", file, errno);
+    std::shared_ptr<const void> held(nullptr, [handle](const void*) { ::close(handle); });
+    struct flock whole {};
+    whole.l_type = F_WRLCK;
+    while (::fcntl(handle, F_OFD_SETLKW, &whole) != 0)
+        if (errno != EINTR) fail("lock", file, errno);
+    return held;
 }
 
 std::string read_public(const std::string& file) {
@@ -107,7 +111,7 @@ void write_new(const std::string& file, const std::string& text, unsigned mode) 
     draft made(handle, file);
     made.write(text, mode);
     made.finish();
-    keep_entry_of(file);
+    [[maybe_unused]] auto unsynced = sync_folder_of(file);
 }
 
 void replace(const std::string& file, const std::string& text, unsigned mode) {
@@ -118,7 +122,7 @@ void replace(const std::string& file, const std::string& text, unsigned mode) {
     made.write(text, mode);
     if (::rename(made.name().c_str(), file.c_str()) != 0) fail("replace", file, errno);
     made.finish();
-    keep_entry_of(file);
+    [[maybe_unused]] auto unsynced = sync_folder_of(file);
 }
 
 } // namespace ise::cli

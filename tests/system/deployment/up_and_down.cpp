@@ -183,8 +183,7 @@ TEST_CASE("the doctor tells what has failed, and what waits to be started again"
     in.up(file);
     for (const char* path : {"sea/one", "sea/two"}) {
         int pid = in.state(path)["process_id"];
-        REQUIRE(pid > 1);
-        ::kill(pid, SIGKILL);
+        host_test::send_signal(pid, SIGKILL);
         wait_until([&] { return in.state(path)["process_id"] == 0; });
     }
     auto sick = in.ise({"doctor"});
@@ -203,8 +202,7 @@ TEST_CASE("the doctor finds what was started by hand and has failed, until it is
     two_hosts in;
     in.done({"start", "trouble", "sea/one", "--host", "boat", "--timeout", "120s", "--ready-within", "60s"});
     int pid = in.state("sea/one")["process_id"];
-    REQUIRE(pid > 1);
-    ::kill(pid, SIGKILL);
+    host_test::send_signal(pid, SIGKILL);
     wait_until([&] { return in.state("sea/one")["process_id"] == 0; });
     auto sick = in.ise({"doctor"});
     INFO(sick.out << sick.err);
@@ -404,8 +402,7 @@ TEST_CASE("an instantiation server that is killed in between knows its part of t
     CHECK(lives(pid));
     in.open("boat");
     CHECK(in.done({"diff", file}) == "change sea/one on boat\n    answer: 4 -> 2\n");
-    REQUIRE(pid > 1);
-    ::kill(pid, SIGKILL);
+    host_test::send_signal(pid, SIGKILL);
     wait_until([&] {
         auto now = in.state("sea/one");
         return now["state"] == "ready" && now["process_id"] != pid;

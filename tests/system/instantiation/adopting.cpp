@@ -58,7 +58,7 @@ TEST_CASE("what was taken over is watched over as before") {
     int pid = here.start("sea/one", {"--restart", "on-failure"})["process_id"];
     here.crash();
     here.open();
-    ::kill(pid, SIGKILL);
+    send_signal(pid, SIGKILL);
     wait_until([&] {
         auto shown = here.state("sea/one");
         return shown["state"] == "ready" && shown["process_id"] != pid;
@@ -74,8 +74,8 @@ TEST_CASE("what ended while no instantiation server ran follows its policy, and 
     CHECK(marked().size() == 6);
     const int keepers[] = {keeper_of(again), keeper_of(never)};
     here.crash();
-    ::kill(again, SIGKILL);
-    ::kill(never, SIGKILL);
+    send_signal(again, SIGKILL);
+    send_signal(never, SIGKILL);
     wait_until([&] { return marked().empty() && std::ranges::none_of(keepers, lives); }); // also their children
     here.open();
     wait_until([&] { return here.state("sea/again")["state"] == "ready"; });
@@ -95,10 +95,10 @@ TEST_CASE("how a component ended that was taken over is known") {
     int shared = here.start("sea/shared", {"--process", "main"})["process_id"];
     here.crash();
     here.open();
-    ::kill(well, SIGTERM);
+    send_signal(well, SIGTERM);
     here.json_of({"call", "sea/badly", "fail", R"({"text": "no wind"})"});
-    ::kill(killed, SIGKILL);
-    ::kill(shared, SIGTERM);
+    send_signal(killed, SIGKILL);
+    send_signal(shared, SIGTERM);
     for (const char* path : {"sea/well", "sea/badly", "sea/killed", "sea/shared"})
         wait_until([&] { return here.state(path)["process_id"] == 0; });
     auto what = [&](const char* path) {
@@ -118,8 +118,8 @@ TEST_CASE("how a component ended while no instantiation server ran is recorded")
     int shared = here.start("sea/shared", {"--process", "main"})["process_id"];
     const int keepers[] = {keeper_of(well), keeper_of(badly), keeper_of(shared)};
     here.crash();
-    ::kill(well, SIGTERM);
-    ::kill(shared, SIGTERM);
+    send_signal(well, SIGTERM);
+    send_signal(shared, SIGTERM);
     here.json_of({"call", "sea/badly", "fail", R"({"text": "no wind"})"});
     wait_until([&] { return std::ranges::none_of(keepers, lives); });
     here.open();

@@ -83,7 +83,7 @@ void check_escapes() {
     pid = escaped_from(here);
     here.crash();
     CHECK(lives(pid));
-    ::kill(leader, SIGKILL); // and no instantiation server is there
+    send_signal(leader, SIGKILL); // and no instantiation server is there
     wait_until([&] { return !lives(pid); });
 
     here.open();

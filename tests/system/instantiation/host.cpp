@@ -167,6 +167,11 @@ ise::instantiation::instance_info event_watch::until(const std::string& path,
     }
 }
 
+void send_signal(int pid, int number) {
+    if (pid <= 1) FAIL("signal " << number << " for process " << pid);
+    ::kill(pid, number);
+}
+
 bool lives(int pid) {
     auto stat = content_of("/proc/" + std::to_string(pid) + "/stat");
     auto end = stat.rfind(')');

@@ -72,6 +72,9 @@ private:
     std::shared_ptr<stream> events_ = std::make_shared<stream>();
 };
 
+/// Sends a signal to one process; fails the test for a number below 2, since that of a process that is not there, -1,
+/// means every process of the machine.
+void send_signal(int pid, int number);
 /// Whether a process lives, and is no zombie.
 bool lives(int pid);
 /// The keeper of an instance's process, which ends after it, and records how it ended.

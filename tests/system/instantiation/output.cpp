@@ -87,7 +87,7 @@ TEST_CASE("a full disk costs output, and nothing else") {
     CHECK_THAT(here.ise({"ps"}).out, Contains("of its output were dropped: No space left on device"));
     CHECK_THAT(here.ise({"doctor"}).out, Contains("make room on the disk"));
 
-    ::kill(first, SIGKILL); // it is started again while nothing can be written
+    send_signal(first, SIGKILL); // it is started again while nothing can be written
     wait_until([&] {
         auto now = here.state("sea/one");
         return now["state"] == "ready" && now["process_id"] != first;

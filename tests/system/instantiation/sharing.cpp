@@ -73,8 +73,7 @@ TEST_CASE("when a shared process is lost, all that ran in it goes on by its own 
     int pid = here.share("sea/one", {"--restart", "on-failure"})["process_id"];
     here.share("sea/two", {"--restart", "always"});
     here.share("sea/three");
-    REQUIRE(pid > 1);
-    ::kill(pid, SIGKILL);
+    send_signal(pid, SIGKILL);
     wait_until([&] {
         return here.is_ready_again("sea/one", pid) && here.is_ready_again("sea/two", pid) &&
                here.is("sea/three", "failed");
@@ -124,11 +123,10 @@ TEST_CASE("a shared process goes on without its instantiation server, and is tak
     }
     CHECK(here.json_of({"stop", "sea/two"})["state"] == "stopped");
     CHECK(here.share("sea/two")["process_id"] == pid);
-    REQUIRE(pid > 1);
-    ::kill(pid, SIGKILL);
+    send_signal(pid, SIGKILL);
     wait_until([&] { return here.is_ready_again("sea/one", pid); });
     here.crash();
-    for (int one : marked()) ::kill(one, SIGKILL);
+    for (int one : marked()) send_signal(one, SIGKILL);
     wait_until([] { return marked().empty(); });
     here.open();
     wait_until([&] { return here.is("sea/one", "ready"); });

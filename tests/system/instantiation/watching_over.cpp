@@ -13,7 +13,7 @@ TEST_CASE("a component that was killed is started again, by its policy") {
     int first = here.start("sea/one", {"--restart", "on-failure"})["process_id"];
     int other = here.start("sea/two")["process_id"]; // never
     event_watch events(here);
-    ::kill(first, SIGKILL);
+    send_signal(first, SIGKILL);
     auto waiting = events.until("sea/one", instance_state::waiting);
     CHECK(waiting.reason == "signal 9 (Killed)");
     auto again = events.until("sea/one", instance_state::ready);
@@ -21,7 +21,7 @@ TEST_CASE("a component that was killed is started again, by its policy") {
     CHECK(again.restarts == 1);
     CHECK(here.json_of({"call", "sea/one", "ask", "--timeout", "60s"})["answer"] == 7);
 
-    ::kill(other, SIGKILL);
+    send_signal(other, SIGKILL);
     auto failed = events.until("sea/two", instance_state::failed);
     CHECK(failed.reason == "signal 9 (Killed)");
     CHECK(here.state("sea/two")["state"] == "failed");
@@ -78,7 +78,7 @@ TEST_CASE("what a component has started ends with it, however that ends") {
     here.open();
     int pid = here.start("sea/one", {"--set", "children=4"})["process_id"];
     CHECK(marked().size() == 5);
-    ::kill(pid, SIGKILL);
+    send_signal(pid, SIGKILL);
     wait_until([] { return marked().empty(); });
     CHECK(here.state("sea/one")["state"] == "failed");
 }

@@ -312,6 +312,23 @@ def transport(folder):
         expect("who was renewed is let in", code == 0, told)
 
 
+def at_once(folder):
+    """What several commands revoke at the same time is all in the list."""
+    names = [f"guest{number}" for number in range(16)]
+    keys(folder, "ca", "robots", "--authority", "busy")
+    for name in names:
+        requested(folder, name)
+    keys(folder, "issue", *names, "--authority", "busy")
+    start = lambda name: subprocess.Popen([ISE, "keys", "revoke", name, "--authority", "busy"], cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=clean())
+    running = [start(name) for name in names]
+    for process in running:
+        (_, complaints) = process.communicate()
+        expect("each of them succeeds", process.returncode == 0, complaints)
+    (listed,) = show(folder, "busy/revoked.pem")
+    serials = sorted(show(folder, f"{name}/certificate.pem")[0]["serial"] for name in names)
+    expect("nothing that was revoked is missing", sorted(listed["revoked"]) == serials, listed)
+
+
 def deployments(folder):
     """All that the hosts of a deployment file and its operators need, by one command."""
     (folder / "fleet.toml").write_text('name = "fleet"\n[hosts.boat]\n[hosts.ashore]\nserver = "shore"\n[components.one]\ntype = "one"\nhost = "boat"\n')
@@ -353,7 +370,7 @@ def main():
     ISE, NAME_SERVER = (str(Path(one).resolve()) for one in sys.argv[1:])
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
-        for story in (files, refusals, renewals, renewals_by_themselves, transport, deployments):
+        for story in (files, refusals, renewals, renewals_by_themselves, transport, at_once, deployments):
             story(folder)
     return 0
 

@@ -260,6 +260,23 @@ TEST_CASE("setting a parameter changes nothing else, and never starts it again")
     CHECK_THAT(over.error().message(), Contains("'sea/wind' does not run"));
 }
 
+TEST_CASE("a parameter that is set and not on the disk is an error, until it is") {
+    harbour in;
+    in.start();
+    in.host.may = [] { return false; };
+    for (int attempt = 0; attempt != 2; ++attempt) {
+        auto lost = in.set("speed", "9");
+        REQUIRE(!lost);
+        CHECK(lost.error().code() == ise::errc::refused);
+        CHECK_THAT(lost.error().message(), Contains("'sea/wind' has the new value") && Contains("not on disk: dead"));
+    }
+    in.host.may = [] { return true; };
+    CHECK(in.set("speed", "9"));
+    in.server->crash();
+    in.open();
+    CHECK(in.instances().front().arguments.front().value == "9");
+}
+
 TEST_CASE("of two changes at once one is refused") {
     harbour in;
     in.start();

@@ -2,6 +2,7 @@
 #include "system.hpp"
 
 #include <ise/core/sleep.hpp>
+#include <ise/core/task_scope.hpp>
 #include <ise/name_server/etcd_store.hpp>
 
 #include <asio/buffer.hpp>
@@ -50,6 +51,9 @@ public:
     std::map<std::string, std::vector<std::string>> asked; ///< heads and bodies, by member
     std::function<ise::duration(const std::string& member, const std::string& question)> takes;
     std::string error; ///< answered instead
+    /// Of a member that knows one token at a time: the last that it gave, or none.
+    std::optional<std::string> valid_token;
+    int log_ins = 0;
     ise::sim::world world{3};
 
 private:
@@ -70,11 +74,20 @@ private:
             std::string question(room.data(), got.bytes);
             asked[name].push_back(question);
             const auto late = takes(name, question);
+            const bool logs_in = question.find("/auth/authenticate ") != question.npos;
+            bool stranger = valid_token && !logs_in && question.find("Authorization: " + *valid_token) == question.npos;
             co_await self.sleep(late);
+            if (valid_token && logs_in) valid_token = fmt::format("token-{}", ++log_ins);
             const std::string text =
-                error.empty() ? R"({"header":{"revision":"7"},"token":"a-token","result":{"TTL":"10"}})" : error;
+                stranger        ? R"({"error":"etcdserver: invalid auth token"})"
+                : error.empty() ? fmt::format(R"({{"header":{{"revision":"7"}},"token":"{}","result":{{"TTL":"10"}}}})",
+                                              valid_token.value_or("a-token"))
+                                : error;
             auto reply = fmt::format("HTTP/1.1 {}\r\nContent-Length: {}\r\n\r\n{}",
-                                     error.empty() ? "200 OK" : "503 Service Unavailable", text.size(), text);
+                                     stranger        ? "401 Unauthorized"
+                                     : error.empty() ? "200 OK"
+                                                     : "503 Service Unavailable",
+                                     text.size(), text);
             asio::const_buffer all(reply.data(), reply.size());
             line->try_write(std::span(&all, 1));
         }
@@ -137,6 +150,58 @@ TEST_CASE("etcd that is slow: the token of one member is shown to the next one, 
     CHECK(it.asked["a"].size() == 2);
     REQUIRE(it.asked["b"].size() == 1);
     CHECK_THAT(it.asked["b"][0], Contains("POST /v3/kv/range ") && Contains("Authorization: a-token"));
+}
+
+namespace {
+
+/// Asks so many times at once; the number of answers.
+ise::task<int> ask_at_once(ise::etcd_store& store, ise::loop& on, int times) {
+    int answers = 0;
+    auto ask = [](ise::etcd_store& of, int& count) -> ise::task<> {
+        auto kept = co_await of.keep(7, 5s);
+        if (kept) ++count;
+    };
+    ise::task_scope all(on, [](const std::string&, std::exception_ptr) {});
+    for (int n = 0; n != times; ++n) all.spawn("question", ask(store, answers));
+    co_await all.join();
+    co_return answers;
+}
+
+} // namespace
+
+TEST_CASE("etcd with a password: questions that come at once share one log-in, and its failure") {
+    members_and_client it;
+    it.valid_token = "none";
+    it.takes = [](const std::string&, const std::string&) { return 100ms; };
+    const bool fails = GENERATE(false, true);
+    if (fails) it.error = R"({"error":"etcdserver: no leader"})";
+    it.ask(
+        [&](ise::etcd_store& store, ise::loop& on) -> ise::task<> {
+            int answers = co_await ask_at_once(store, on, 5);
+            CHECK(answers == (fails ? 0 : 5));
+        },
+        "ise");
+    CHECK(it.log_ins == 1);
+}
+
+TEST_CASE("etcd with a password: a refusal of an older token that comes late leaves the newer one") {
+    members_and_client it;
+    it.valid_token = "none";
+    it.takes = [](const std::string&, const std::string&) { return 0s; };
+    it.ask(
+        [&](ise::etcd_store& store, ise::loop& on) -> ise::task<> {
+            auto first = co_await store.probe();
+            CHECK(first);
+            it.valid_token = "none"; // as after five minutes
+            bool slow = true;
+            it.takes = [&slow](const std::string&, const std::string&) -> ise::duration {
+                return std::exchange(slow, false) ? 1s : 0s;
+            };
+            int answers = co_await ask_at_once(store, on, 2);
+            CHECK(answers == 2);
+        },
+        "ise");
+    CHECK(it.log_ins == 2);
 }
 
 TEST_CASE("etcd that fails: an error is told in its words, also that of a stream") {

@@ -49,8 +49,8 @@ public:
         });
     }
 
-    ise::result<void> probe(const identity_files& files, const std::string& user = {}) {
-        std::optional<ise::result<void>> answer;
+    ise::result<std::uint64_t> probe(const identity_files& files, const std::string& user = {}) {
+        std::optional<ise::result<std::uint64_t>> answer;
         world.host("shore").start_process("names", [&](ise::sim::process& env) {
             return lone_program(env, [&, files, user](ise::component& self) -> ise::task<> {
                 ise::etcd_options options;

@@ -428,6 +428,39 @@ TEST_CASE("shared names: a watch that a compaction has overtaken reads everythin
     CHECK(it.epoch_at(2, "atirma/doubler") == 0);
 }
 
+TEST_CASE("shared names: name servers go on when their store is restored from an older backup") {
+    shared_system it;
+    it.start_doubler("boat", "atirma/boat");
+    auto& former = it.start_doubler("former", "atirma/former");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/boat") && it.held_everywhere("atirma/former"); },
+                               5s));
+    auto backup = it.cluster.make_backup();
+    former.crash();
+    it.start_doubler("other", "atirma/other");
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/other"); }, 5s));
+    it.world.run_for(30s);
+    it.cluster.revision += 1000; // keys of others
+    for (int n = 0; n != 5; ++n) it.start_doubler(fmt::format("guest{}", n), fmt::format("atirma/guest{}", n));
+    REQUIRE(it.world.run_until([&] { return it.held_everywhere("atirma/guest4"); }, 5s));
+    const auto watched = GENERATE(true, false); // false: the watch of one is lost before
+    if (!watched) it.cluster.cut_off.insert("ns2");
+    if (!watched) it.world.run_for(3s);
+    it.cluster.restore(std::move(backup));
+    it.world.run_for(1s);
+    it.cluster.cut_off.clear();
+    it.start_doubler("late", "atirma/late");
+    it.world.run_for(40s);
+    for (const std::string path : {"atirma/boat", "atirma/other", "atirma/guest4", "atirma/late"}) {
+        CAPTURE(path);
+        CHECK(it.epoch_at(0, path) != 0);
+        CHECK(it.cluster.keys.contains("name/" + path));
+        CHECK(it.epoch_at(1, path) == it.epoch_at(0, path));
+        CHECK(it.epoch_at(2, path) == it.epoch_at(0, path));
+    }
+    for (std::size_t server = 0; server != 3; ++server) CHECK(it.epoch_at(server, "atirma/former") == 0);
+    CHECK(trouble_listed(it).empty());
+}
+
 TEST_CASE("shared names: a name server says that its store does not answer though its watch still reports changes") {
     shared_system it;
     it.start_doubler("boat", "atirma/doubler");
@@ -505,6 +538,35 @@ TEST_CASE("shared names: the claims of one request, and of requests at once, cou
     CHECK(serving <= 4);
     CHECK(verdicts[ise::naming::verdict::granted] == static_cast<int>(held));
     CHECK(verdicts[ise::naming::verdict::wait] > 0);
+}
+
+TEST_CASE("shared names: nodes beyond max_nodes wait until another has gone, also those that come at once") {
+    ise::registry_limits limits;
+    limits.max_nodes = 2;
+    shared_system it(1, 1, limits);
+    std::vector<ise::sim::process*> nodes;
+    for (int n = 0; n != 4; ++n)
+        nodes.push_back(&it.start_doubler(fmt::format("boat{}", n), fmt::format("atirma/boat{}", n)));
+    auto held = [&] {
+        std::vector<std::size_t> found;
+        for (std::size_t n = 0; n != 4; ++n)
+            if (it.epoch_at(0, fmt::format("atirma/boat{}", n)) != 0) found.push_back(n);
+        return found;
+    };
+    it.world.run_for(20s);
+    auto before = held();
+    REQUIRE(before.size() == 2);
+    CHECK(it.names[0]->names()->nodes() == 2);
+    CHECK(it.warned("which is max_nodes"));
+    nodes[before.front()]->crash();
+    CHECK(it.world.run_until(
+        [&] {
+            auto now = held();
+            return now.size() == 2 && now != before;
+        },
+        30s));
+    it.world.run_for(20s);
+    CHECK(it.names[0]->names()->nodes() == 2);
 }
 
 TEST_CASE("shared names: a store without space grants nothing new, says so, and loses nothing") {

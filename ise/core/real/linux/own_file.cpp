@@ -45,18 +45,22 @@ result<void> make_own_folders(const std::string& folder) {
                                                 std::error_code(errno, std::system_category()).message()));
 }
 
+std::error_code sync_folder_of(const std::string& path) {
+    open_file folder{::open(folder_of(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
+    if (folder.number >= 0 && ::fsync(folder.number) == 0) return {};
+    return {errno, std::system_category()};
+}
+
 result<void> replace_own_file(const std::string& path, std::string_view content) {
-    auto refuse = [&] {
-        return failure(errc::io_failed, fmt::format("cannot write {}: {}", path,
-                                                    std::error_code(errno, std::system_category()).message()));
+    auto refuse = [&](std::error_code why = {errno, std::system_category()}) {
+        return failure(errc::io_failed, fmt::format("cannot write {}: {}", path, why.message()));
     };
     auto replacement = path + ".new";
     ::unlink(replacement.c_str()); // of a process that was killed meanwhile
     open_file file{::open(replacement.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600)};
     if (file.number < 0 || !write_all(file.number, content)) return refuse();
     if (::rename(replacement.c_str(), path.c_str()) != 0) return refuse();
-    open_file folder{::open(folder_of(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)};
-    if (folder.number < 0 || ::fsync(folder.number) != 0) return refuse(); // the new name is on the disk too
+    if (auto unsynced = sync_folder_of(path)) return refuse(unsynced); // the new name is on the disk too
     return {};
 }
 

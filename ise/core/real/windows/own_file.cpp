@@ -35,6 +35,8 @@ result<void> make_own_folders(const std::string& folder) {
     return {};
 }
 
+std::error_code sync_folder_of(const std::string&) { return {}; } // files are moved with MOVEFILE_WRITE_THROUGH
+
 result<void> replace_own_file(const std::string& path, std::string_view content) {
     auto replacement = path + ".new";
     ::DeleteFileA(replacement.c_str()); // of a process that was killed meanwhile
