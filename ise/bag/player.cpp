@@ -230,7 +230,7 @@ task<dynamic_packet> answer(component& self, std::shared_ptr<Shared> of, answer_
     const auto call = all.last->call; // the next request may change it meanwhile
     co_await self.sleep(of->scaled(static_cast<double>(call.took.count())));
     if (!call.response) throw error(code_named(call.outcome), call.message);
-    co_return dynamic_packet(which->contract()->packet(role::response), *call.response);
+    co_return dynamic_packet(all.last->of->contract()->packet(role::response), *call.response);
 }
 
 template <class Shared>
@@ -289,15 +289,64 @@ task<> make_calls(component& self, std::shared_ptr<Shared> of, std::string calle
     }
 }
 
-using publications = std::map<std::uint16_t, dynamic_publication>;
+// A service as it is offered at present. It has several channels where its packets changed during the recording.
+struct offer {
+    std::shared_ptr<const topic> as;
+    dynamic_publication out; // of a subscription
+};
+using offers = std::map<std::string, offer>; // by service
+
+bool alike(const topic& a, const topic& b) {
+    return &a == &b || a.contract()->types()->fingerprints == b.contract()->types()->fingerprints;
+}
+
+// When a service changes its contract between two uses: what went before has been sent, and its users come back in
+// time.
+time_point halfway(time_point now, time_point next) { return next > now ? now + (next - now) / 2 : now; }
+
+// Reads from the recording what a component publishes.
+template <class Shared>
+messages_of packets_of(const Shared& of, const std::string& component, timestamp from) {
+    return messages_of(
+        of.options.file, of.about,
+        [&](const channel_record& channel) {
+            auto found = of.topics.find(channel.id);
+            return found != of.topics.end() && found->second->what() == content::packets &&
+                   found->second->component() == component;
+        },
+        from);
+}
+
+// The subscriptions of a component, each as its next packet has it.
+template <class Shared>
+result<offers> subscriptions_of(const Shared& of, const std::string& component, timestamp from) {
+    offers made;
+    for (const auto& [id, topic] : of.topics) // channels have their numbers in the order of their first packets
+        if (topic->component() == component && topic->what() == content::packets)
+            made.try_emplace(topic->service(), offer{topic, {}});
+    if (from == 0) return made;
+    auto in = packets_of(of, component, from);
+    for (std::set<std::string> seen; seen.size() < made.size();) {
+        auto next = in.next();
+        if (!next) return next.error();
+        if (!*next) break;
+        const auto& topic = of.topics.at((*next)->channel_id);
+        if (seen.insert(topic->service()).second) made.at(topic->service()).as = topic;
+    }
+    return made;
+}
+
+// The time of the recording from which a component is played on.
+template <class Shared>
+timestamp beginning(component& self, const Shared& of) {
+    return of.as_recorded() && self.now() > of.start ? of.recorded_now() : 0;
+}
 
 // Publishes the packets of a component.
 template <class Shared>
-task<> publish_packets(component& self, std::shared_ptr<Shared> of, const publications& out) {
+task<> publish_packets(component& self, std::shared_ptr<Shared> of, const std::string& path, offers& all) {
     for (std::uint64_t round = 0; round == 0 || of->options.loop; ++round) {
-        const auto from = of->as_recorded() && self.now() > of->start ? of->recorded_now() : 0;
-        messages_of in(
-            of->options.file, of->about, [&](const channel_record& channel) { return out.contains(channel.id); }, from);
+        auto in = packets_of(*of, path, beginning(self, *of));
         bool any = false;
         for (;;) {
             auto next = in.next();
@@ -314,12 +363,54 @@ task<> publish_packets(component& self, std::shared_ptr<Shared> of, const public
                 of->broken(raw.error());
                 co_return;
             }
-            co_await self.sleep_till(of->to_be_sent(message.log_time, round));
+            const auto when = of->to_be_sent(message.log_time, round);
+            auto& [as, out] = all.at(topic->service());
+            if (!alike(*as, *topic)) {
+                co_await self.sleep_till(halfway(self.now(), when));
+                out.end(failure(errc::peer_lost,
+                                fmt::format("'{}' was updated in the recording: subscribe again", topic->service())));
+                self.withdraw(*as->contract());
+                out = publish_dynamic(self, *topic->contract());
+            }
+            as = topic;
+            co_await self.sleep_till(when);
             dynamic_packet packet(topic->contract()->packet(role::published), std::move(*raw));
-            out.at(message.channel_id)(packet);
+            out(packet);
             ++of->packets;
         }
         if (!any) break;
+    }
+}
+
+template <class Shared>
+void provide_recorded(component& self, std::shared_ptr<Shared> of, answer_book& book,
+                      std::shared_ptr<const topic> which) {
+    provide_dynamic(self, *which->contract(), [&self, of, &book, which](dynamic_packet request) {
+        return answer(self, of, book, which, std::move(request));
+    });
+}
+
+// Provides a service under the contracts that its calls have.
+template <class Shared>
+task<> change_contracts(component& self, std::shared_ptr<Shared> of, answer_book& book,
+                        std::shared_ptr<const topic> as) {
+    std::vector<std::pair<timestamp, std::shared_ptr<const topic>>> calls;
+    for (const auto& [request, all] : book)
+        for (const auto& call : all.left) calls.emplace_back(call.at, call.of);
+    std::ranges::sort(calls, {}, [](const auto& call) { return call.first; });
+    if (std::ranges::all_of(calls, [&](const auto& call) { return alike(*call.second, *as); })) co_return;
+    for (std::uint64_t round = 0; round == 0 || of->options.loop; ++round) {
+        time_point before = self.now();
+        for (const auto& [at, next] : calls) {
+            const auto when = of->to_be_sent(at, round);
+            if (!alike(*as, *next)) {
+                co_await self.sleep_till(halfway(before, when));
+                self.withdraw(*as->contract());
+                as = next;
+                provide_recorded(self, of, book, as);
+            }
+            before = when;
+        }
     }
 }
 
@@ -327,37 +418,33 @@ task<> publish_packets(component& self, std::shared_ptr<Shared> of, const public
 template <class Shared>
 task<> play_component(component& self, std::shared_ptr<Shared> of, std::string recorded_path) {
     auto& books = of->books.at(recorded_path);
-    publications out;
-    std::map<std::string, dynamic_publication> by_service; // a service may have several channels
-    std::map<std::string, bool> provided;
+    auto out = subscriptions_of(*of, recorded_path, beginning(self, *of)).value();
+    for (auto& [service, one] : out) one.out = publish_dynamic(self, *one.as->contract());
+    std::set<std::string> provided;
     for (const auto& [id, topic] : of->topics) {
-        if (topic->component() != recorded_path) continue;
-        if (topic->what() == content::packets) {
-            auto& made = by_service[topic->service()];
-            if (!made) made = publish_dynamic(self, *topic->contract());
-            out[id] = made;
-            continue;
-        }
-        if (std::exchange(provided[topic->service()], true)) continue; // another channel of it came before
+        if (topic->component() != recorded_path || topic->what() != content::calls) continue;
+        if (!provided.insert(topic->service()).second) continue; // another channel of it came before
         auto& book = books[topic->service()];
-        provide_dynamic(self, *topic->contract(), [&self, of, &book, which = topic](dynamic_packet request) {
-            return answer(self, of, book, which, std::move(request));
-        });
+        provide_recorded(self, of, book, topic);
+        self.spawn("contracts of " + topic->service(), change_contracts(self, of, book, topic));
     }
     if (of->as_recorded()) self.spawn("calls", make_calls(self, of, recorded_path));
-    co_await publish_packets(self, of, out);
+    co_await publish_packets(self, of, recorded_path, out);
     // Calls are answered until everything was played.
     if (!of->as_recorded()) --of->running;
     for (;;) co_await self.sleep(std::chrono::hours(1));
 }
 
-// Compares what a tested component publishes with the recording, packet by packet.
+// Compares what a tested component publishes with the recording, packet by packet. Where the packets of the service
+// changed in the recording, they change in the comparison.
 template <class Shared>
-task<> compare(component& self, std::shared_ptr<Shared> of, std::shared_ptr<const topic> which, std::uint16_t channel) {
+task<> compare(component& self, std::shared_ptr<Shared> of, std::shared_ptr<const topic> which) {
     running_part<Shared> counted(of);
-    const auto& contract = *which->contract();
-    const auto& type = contract.packet(role::published);
-    messages_of in(of->options.file, of->about, [&](const channel_record& one) { return one.id == channel; });
+    messages_of in(of->options.file, of->about, [&](const channel_record& one) {
+        auto found = of->topics.find(one.id);
+        return found != of->topics.end() && found->second->what() == content::packets &&
+               found->second->name() == which->name();
+    });
     auto who = self.at(of->renamed(which->component()));
     auto terms = subscribe_options::lossless(4096);
     const auto end = saturating_add(of->due(of->about.statistics.message_end_time), of->options.settle);
@@ -375,6 +462,12 @@ task<> compare(component& self, std::shared_ptr<Shared> of, std::shared_ptr<cons
             co_return;
         }
         if (!*next) co_return; // it may publish more than was recorded
+        const auto before = std::exchange(which, of->topics.at((*next)->channel_id));
+        const auto& contract = *which->contract();
+        const auto& type = contract.packet(role::published);
+        const bool changed = !alike(*before, *which);
+        terms.last_value = !changed; // else it was compared already
+        if (changed) stream = failure(errc::peer_lost, "its packets changed in the recording");
         auto raw = which->packet().decode((*next)->data);
         if (!raw) {
             of->broken(raw.error());
@@ -395,13 +488,14 @@ task<> compare(component& self, std::shared_ptr<Shared> of, std::shared_ptr<cons
             if (stream) packet = co_await stream->next();
             if (packet) break;
             auto why = stream ? stream->cause() : stream.error();
-            if (over || !of->as_recorded()) {
+            if (over || !(of->as_recorded() || changed)) {
                 made.recorded = to_json(type, *raw);
-                if (!over) made.now = why.message();
+                if (!over || changed) made.now = why.message();
                 of->differs(std::move(made));
                 co_return;
             }
             stream = why; // it went as it did in the recording: it comes again
+            terms.last_value = true;
             co_await self.sleep(subscribe_again);
         }
         ++of->compared;
@@ -533,9 +627,11 @@ task<> test_components(component& self, std::shared_ptr<Shared> of, std::vector<
     {
         running_part<Shared> counted(of);
         --of->running; // that of the constructor
+        std::set<std::string> compared;
         for (const auto& [id, topic] : of->topics)
-            if (topic->what() == content::packets && of->tested(topic->component()) && of->compares(*topic))
-                self.spawn("compare " + topic->name(), compare(self, of, topic, id));
+            if (topic->what() == content::packets && of->tested(topic->component()) && of->compares(*topic) &&
+                compared.insert(topic->name()).second)
+                self.spawn("compare " + topic->name(), compare(self, of, topic));
         if (of->as_recorded()) {
             self.spawn("registered names", watch_registered(self, of));
             self.spawn("names", follow_names(self, of, std::move(events)));

@@ -25,9 +25,7 @@ inline constexpr std::size_t asked_schemas = 64;        ///< in one question of 
 inline constexpr std::size_t metric_series = 50'000; ///< lines of its metrics; services beyond are left out
 
 // service: one component.
-inline constexpr std::size_t learnt_schemas = 4096;
-inline constexpr std::size_t learnt_schema_bytes = std::size_t{64} << 20; ///< memory of these
-inline constexpr std::size_t kept_services = 4096;                        ///< services learnt of at run time
+inline constexpr std::size_t kept_services = 4096; ///< services learnt of at run time
 /// Services of others that a component is known to use, each at each target.
 inline constexpr std::size_t used_services = 256;
 inline constexpr std::size_t described_calls = 256;           ///< under way, that ise.describe lists, of each direction

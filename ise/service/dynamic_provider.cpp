@@ -178,6 +178,8 @@ bool dynamic_publication::try_send(const dynamic_packet& packet) const {
     return true;
 }
 
+void dynamic_publication::end(const failure& why) const { core().stop(why); }
+
 std::size_t dynamic_publication::subscribers() const { return core().subscribers(); }
 std::uint64_t dynamic_publication::published() const { return core().published(); }
 

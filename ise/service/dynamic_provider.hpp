@@ -95,6 +95,8 @@ public:
     task<> send(const dynamic_packet& packet) const;
     /// Publishes if every lossless subscriber has room; otherwise does nothing and returns false.
     bool try_send(const dynamic_packet& packet) const;
+    /// Ends its subscriptions with this reason. With errc::peer_lost `component::listen` subscribes again.
+    void end(const failure& why) const;
 
     /// The number of subscribers, including unreachable ones within their linger.
     std::size_t subscribers() const;

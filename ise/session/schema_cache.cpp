@@ -18,41 +18,44 @@ std::size_t memory_of(const type_description& type) {
     return all;
 }
 
+std::uint64_t key_of(const packet_types& types) {
+    std::uint64_t key = 0;
+    for (auto fingerprint : types.fingerprints) key = key * 31 + fingerprint;
+    return key;
+}
+
 } // namespace
 
 void schema_cache::add_own(const packet_types& types) {
-    for (const auto& packet : types.schemas) own_.emplace(packet.fingerprint(), packet);
-}
-
-void schema_cache::learn(const schema& received) {
-    if (own_.contains(received.fingerprint()) || learnt_.contains(received.fingerprint())) return;
-    const auto cost = cost_of(received);
-    learnt_.emplace(received.fingerprint(), learnt{received, cost});
-    order_.push_back(received.fingerprint());
-    learnt_bytes_ += cost;
-    while (order_.size() > limit::learnt_schemas || learnt_bytes_ > limit::learnt_schema_bytes) {
-        auto oldest = learnt_.find(order_.front());
-        order_.pop_front();
-        learnt_bytes_ -= oldest->second.cost;
-        learnt_.erase(oldest);
+    const bool declared = !keeps(types);
+    for (const auto& packet : types.schemas) {
+        auto& known = own_.try_emplace(packet.fingerprint(), own{packet, declared}).first->second;
+        if (declared && !known.declared) known = {packet, true};
     }
 }
 
 std::optional<schema> schema_cache::find(std::uint64_t fingerprint) const {
-    if (auto found = own_.find(fingerprint); found != own_.end()) return found->second;
-    if (auto found = learnt_.find(fingerprint); found != learnt_.end()) return found->second.what;
-    return std::nullopt;
+    auto found = own_.find(fingerprint);
+    return found == own_.end() ? std::nullopt : std::optional(found->second.what);
 }
 
-std::size_t schema_cache::cost_of(const schema& result) const {
-    return own_.contains(result.fingerprint())
-               ? 0
-               : sizeof(type_description) + result.text().capacity() + memory_of(result.type());
+const schema* schema_cache::find_declared(std::uint64_t fingerprint) const {
+    auto found = own_.find(fingerprint);
+    return found == own_.end() || !found->second.declared ? nullptr : &found->second.what;
+}
+
+std::size_t schema_cache::cost_of(const schema& of) {
+    return sizeof(type_description) + of.text().capacity() + memory_of(of.type());
+}
+
+bool schema_cache::keeps(const packet_types& types) const {
+    for (auto [at, end] = kept_.equal_range(key_of(types)); at != end; ++at)
+        if (at->second.get() == &types) return true;
+    return false;
 }
 
 result<std::shared_ptr<const packet_types>> schema_cache::keep(const std::shared_ptr<const packet_types>& types) {
-    std::uint64_t key = 0;
-    for (auto fingerprint : types->fingerprints) key = key * 31 + fingerprint;
+    const auto key = key_of(*types);
     for (auto [at, end] = kept_.equal_range(key); at != end; ++at)
         // Texts are compared too: defaults take no part in fingerprints.
         if (at->second == types || (at->second->kind == types->kind && at->second->schemas == types->schemas))

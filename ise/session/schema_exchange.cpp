@@ -16,12 +16,9 @@ void schema_exchange::need(const std::vector<std::uint64_t>& fingerprints, ready
     question asked{fingerprints, {}, std::move(then), std::move(otherwise)};
     wire::schema_request unknown;
     for (auto fingerprint : fingerprints) {
-        auto& known = asked.schemas.emplace_back(book_.find(fingerprint));
-        if (!known) {
-            unknown.fingerprints.push_back(fingerprint);
-        } else if (auto problem = hold(*known)) {
-            return asked.otherwise(*problem);
-        }
+        const auto* known = find(fingerprint);
+        asked.schemas.push_back(known ? std::optional(*known) : std::nullopt);
+        if (!known) unknown.fingerprints.push_back(fingerprint);
     }
     if (unknown.fingerprints.empty()) return hand_over(asked);
     if (open_.size() >= limit::schema_questions)
@@ -33,15 +30,19 @@ void schema_exchange::need(const std::vector<std::uint64_t>& fingerprints, ready
     connection_.written();
 }
 
-// A question keeps it until its last answer, and whoever asked as long as the session lasts, whatever the book forgets.
+const schema* schema_exchange::find(std::uint64_t fingerprint) const {
+    if (const auto* declared = book_.find_declared(fingerprint)) return declared;
+    auto found = told_.find(fingerprint);
+    return found == told_.end() ? nullptr : &found->second;
+}
+
 std::optional<failure> schema_exchange::hold(const schema& one) {
-    if (held_.contains(one.fingerprint())) return std::nullopt;
-    const auto with_it = held_bytes_ + book_.cost_of(one);
+    const auto with_it = held_bytes_ + schema_cache::cost_of(one);
     if (with_it > max_bytes_)
         return failure(errc::overloaded,
                        fmt::format("the schemas of this session would take {} bytes, {} are allowed (session_bytes)",
                                    with_it, max_bytes_));
-    held_.insert(one.fingerprint());
+    told_.emplace(one.fingerprint(), one);
     held_bytes_ = with_it;
     return std::nullopt;
 }
@@ -100,16 +101,15 @@ result<void> schema_exchange::on_answer(bytes_view body) {
     if (!answer) return answer.error();
     if (!asked_for(answer->fingerprint)) return {}; // nothing is learnt that nobody wanted to know
     std::optional<failure> problem;
-    auto known = book_.find(answer->fingerprint); // another session may have been told meanwhile
-    if (!known) {
-        if (auto read = read_schema(*answer)) {
-            book_.learn(*read);
-            known = std::move(*read);
-        } else {
-            problem.emplace(read.error());
-        }
+    std::optional<schema> known;
+    if (const auto* before = find(answer->fingerprint)) { // it was asked for twice
+        known = *before;
+    } else if (auto read = read_schema(*answer)) {
+        known = std::move(*read);
+        problem = hold(*known);
+    } else {
+        problem.emplace(read.error());
     }
-    if (known) problem = hold(*known);
     // Answering may ask anew: the questions that are decided now are taken out first.
     std::vector<question> decided;
     std::erase_if(open_, [&](question& asked) {

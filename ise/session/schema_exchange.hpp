@@ -4,7 +4,7 @@
 
 #include <functional>
 #include <optional>
-#include <unordered_set>
+#include <unordered_map>
 #include <vector>
 
 namespace ise {
@@ -30,11 +30,12 @@ public:
 private:
     struct question {
         std::vector<std::uint64_t> fingerprints;
-        std::vector<std::optional<schema>> schemas; // as many; what the book forgets meanwhile stays here
+        std::vector<std::optional<schema>> schemas; // as many
         ready then;
         failed otherwise;
     };
     bool asked_for(std::uint64_t fingerprint) const;
+    const schema* find(std::uint64_t fingerprint) const;
     std::optional<failure> hold(const schema& one);
     static void hand_over(question& asked);
 
@@ -42,8 +43,8 @@ private:
     net::connection& connection_;
     std::size_t max_bytes_;
     std::vector<question> open_;
-    std::unordered_set<std::uint64_t> held_; // what questions, services and subscriptions of this session may keep
-    std::size_t held_bytes_ = 0;
+    std::unordered_map<std::uint64_t, schema> told_; // by the peer
+    std::size_t held_bytes_ = 0;                     // of memory, for these
 };
 
 } // namespace ise

@@ -175,13 +175,27 @@ bool borrower::on_notice(bytes_view notice, std::span<owned_fd> passed) {
     if (slot >= loan_slots || passed.size() > 1) return false;
     if (slot >= slots_.size()) slots_.resize(slot + 1);
     slots_[slot].reset();
-    // A block that is not taken is not returned, and so never loaned.
-    if (size == 0 || passed.empty() || *mapped_bytes_ + size > max_loaned_bytes) return true;
-    auto made = std::make_shared<peer_block>(slot, rings_, ring_, mapped_bytes_);
-    if (auto mapped = made->map(passed.front(), size); !mapped) return mapped.error().code() != errc::protocol_error;
-    made->give_back(); // it may be loaned
-    slots_[slot] = std::move(made);
-    return true;
+    std::erase_if(unmapped_, [&](const auto& one) { return one.slot == slot; });
+    if (size > 0 && !passed.empty()) unmapped_.push_back({slot, size, std::move(passed.front())});
+    return map_blocks();
+}
+
+// A block that is not mapped is not returned, and so not loaned. It is tried again with the next notice, which may have
+// made room.
+bool borrower::map_blocks() {
+    bool good = true;
+    std::erase_if(unmapped_, [&](const unmapped& one) {
+        if (*mapped_bytes_ + one.size > max_loaned_bytes) return false;
+        auto made = std::make_shared<peer_block>(one.slot, rings_, ring_, mapped_bytes_);
+        if (auto mapped = made->map(one.memory, one.size); !mapped) {
+            good = good && mapped.error().code() != errc::protocol_error;
+            return false;
+        }
+        made->give_back(); // it may be loaned
+        slots_[one.slot] = std::move(made);
+        return true;
+    });
+    return good;
 }
 
 result<passed_object> borrower::borrow(const loan_reference& what) const {

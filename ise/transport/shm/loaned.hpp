@@ -80,8 +80,16 @@ public:
     class peer_block;
 
 private:
+    struct unmapped {
+        std::uint32_t slot;
+        std::size_t size;
+        owned_fd memory;
+    };
+    bool map_blocks();
+
     std::shared_ptr<const mapping> rings_;
     std::vector<std::shared_ptr<const peer_block>> slots_;   // as many as were used
+    std::vector<unmapped> unmapped_;                         // blocks that could not be mapped yet
     std::shared_ptr<std::atomic<std::size_t>> mapped_bytes_; // with those that were replaced while they are on loan
     int ring_;
 };

@@ -3,12 +3,14 @@
 #include <ise/bag/reader.hpp>
 #include <ise/bag/recorder.hpp>
 #include <ise/bag/recording.hpp>
+#include <ise/component/discover.hpp>
 #include <ise/component/served_calls.hpp>
 #include <ise/packet/codec.hpp>
 #include <ise/packet/dynamic.hpp>
 #include <ise/service/action.hpp>
 #include <ise/service/action_run.hpp>
 #include <ise/service/action_runs.hpp>
+#include <ise/service/dynamic.hpp>
 
 #include <support/catch.hpp>
 #include <unit/name_server/odd_service.hpp>
@@ -449,4 +451,107 @@ TEST_CASE("recorded calls are made to a component under test, and the first othe
             CHECK_THAT(first->text(),
                        ise_test::Contains("atirma/boat: call 0 of 'twice', field value: 42 in the recording, 63 now"));
     }
+}
+
+namespace {
+
+// Version 1 of "count" has numbers, version 2 has texts in their place; so have the calls of "twice".
+void record_an_update(const std::string& file) {
+    const auto contract = [](const std::string& name, service_kind kind, const std::string& packet) {
+        const std::string none = "struct nothing{}";
+        const std::vector<std::string> packets = kind == service_kind::subscription
+                                                     ? std::vector{none, none, packet, none, none}
+                                                     : std::vector{packet, packet};
+        return dynamic_contract::parse(name, kind, packets).value();
+    };
+    bag::recording_options options;
+    options.file = file;
+    bag::recording_file out(options);
+    std::uint64_t at = 1'000'000'000;
+    for (const std::string packet : {"struct number{value:i64}", "struct number{value:string}"}) {
+        auto published =
+            std::make_shared<const bag::topic>("atirma/boat", contract("count", service_kind::subscription, packet));
+        auto called = std::make_shared<const bag::topic>("atirma/boat",
+                                                         contract("twice", service_kind::request_response, packet));
+        const bool text = packet.find("string") != std::string::npos;
+        auto value = [text](std::uint8_t of) {
+            struct words {
+                std::string value;
+            };
+            return text ? encode(words{std::string(of, 'a')}) : encode(number{of});
+        };
+        for (std::uint8_t i = 1; i <= 3; ++i) {
+            bag::recorded_message made;
+            made.of = published;
+            made.log_time = made.publish_time = at;
+            made.packet = value(i);
+            out.write(made).value();
+            bag::recorded_call call;
+            call.caller = "atirma/shore";
+            call.outcome = "ok";
+            call.request = value(i);
+            call.response = value(static_cast<std::uint8_t>(2 * i));
+            made.of = called;
+            made.packet = bag::encode_call(call);
+            out.write(made).value();
+            at += 100'000'000;
+        }
+        at += 2'000'000'000;
+    }
+    out.close().value();
+}
+
+// Everything that a component publishes as "count", under whatever contract, and a call of "twice" after each packet.
+task<> follow(component& self, std::vector<std::string>& seen) {
+    auto boat = co_await self.find("atirma/boat");
+    for (;;) {
+        auto service = co_await discover(boat, "count");
+        if (service) {
+            auto terms = subscribe_options::lossless(64);
+            terms.last_value = false;
+            auto stream = co_await subscribe_dynamic(boat, *service, terms);
+            while (stream) {
+                auto packet = co_await stream->next();
+                if (!packet) break;
+                auto calls = co_await discover(boat, "twice");
+                const auto raw = packet->encoded();
+                dynamic_packet request(calls.value().packet(role::request), bytes(raw.begin(), raw.end()));
+                auto doubled = co_await call_dynamic(boat, *calls, std::move(request), 1s);
+                seen.push_back(packet->to_json() + " " + (doubled ? doubled->to_json() : doubled.error().message()));
+            }
+        }
+        co_await self.sleep(10ms);
+    }
+}
+
+} // namespace
+
+TEST_CASE("a component that was updated in a recording is played, and compared, with its packets of each time",
+          "[bag]") {
+    folder tmp;
+    record_an_update(tmp.file("a.mcap"));
+    names_test::system in;
+    std::unique_ptr<bag::player> play, compared;
+    std::vector<std::string> seen;
+    in.start("replay", "player", [&](node& on) {
+        bag::player_options options;
+        options.file = tmp.file("a.mcap");
+        options.delay = 3s;
+        play = std::make_unique<bag::player>(on, options);
+        options.only = {"atirma/boat/count"};
+        options.tested = {"atirma/boat"};
+        compared = std::make_unique<bag::player>(on, options);
+        on.start("test/viewer", [&](component& self) { return follow(self, seen); });
+    });
+    REQUIRE(in.world.run_until([&] { return play->done() && compared->done(); }));
+    in.world.run_for(1s);
+    CHECK_FALSE(play->trouble());
+    CHECK(seen == std::vector<std::string>{R"({"value":1} {"value":2})", R"({"value":2} {"value":4})",
+                                           R"({"value":3} {"value":6})", R"({"value":"a"} {"value":"aa"})",
+                                           R"({"value":"aa"} {"value":"aaaa"})",
+                                           R"({"value":"aaa"} {"value":"aaaaaa"})"});
+    CHECK(compared->counts().compared == 6);
+    const auto first = compared->first_difference();
+    INFO((first ? first->text() : std::string()));
+    CHECK_FALSE(first);
 }

@@ -418,9 +418,21 @@ TEST_CASE("blocks that are not mapped are not returned", "[shm]") {
         CHECK(here.returned() == 2);
         CHECK(here.notice(0, 4096, memory_of(4096)));
         CHECK(here.returned() == 0);
-        CHECK(here.notice(1, 0, std::vector<shm_fd>()));
+        CHECK(here.notice(1, 0, std::vector<shm_fd>())); // now there is room
+        CHECK(here.returned() == 1);
+        CHECK(here.borrows.borrow({0, 0, 4096}));
+        here.returned();
         CHECK(here.notice(2, 4096, memory_of(4096)));
         CHECK(here.returned() == 4);
+        return;
+    }
+    SECTION("as they are more than a connection may loan, and gone before there is room") {
+        CHECK(here.notice(1, max_loaned_bytes, memory_of(max_loaned_bytes)));
+        CHECK(here.notice(0, 4096, memory_of(4096)));
+        CHECK(here.notice(0, 0, std::vector<shm_fd>()));
+        here.returned();
+        CHECK(here.notice(1, 0, std::vector<shm_fd>()));
+        CHECK(here.returned() == 0);
     }
     SECTION("as the one that is replaced is still on loan") {
         CHECK(here.notice(1, max_loaned_bytes, memory_of(max_loaned_bytes)));
