@@ -4,6 +4,7 @@
 #include <components/seal/rekey.hpp>
 
 #include <ise/core/real/environment.hpp>
+#include <ise/core/real/own_file.hpp>
 
 #include <fmt/format.h>
 
@@ -51,19 +52,12 @@ std::string write_new(const std::string& file, const std::string& text) {
                            errno == EEXIST ? "; a key is never replaced, remove it first" : "");
     bool good = ::write(out, text.data(), text.size()) == static_cast<ssize_t>(text.size()) && ::fsync(out) == 0;
     auto why = because();
-    if (::close(out) == 0 && good) return {};
+    if (::close(out) == 0 && good) {
+        [[maybe_unused]] auto unsynced = ise::sync_folder_of(file);
+        return {};
+    }
     ::unlink(file.c_str());
     return fmt::format("cannot write {}: {}", file, why);
-}
-
-// The file is the former one or the new one, whole. Why not; empty: it is on disk.
-std::string replace(const std::string& file, const std::string& text) {
-    auto fresh = file + ".new";
-    if (auto why = write_new(fresh, text); !why.empty()) return why;
-    if (::rename(fresh.c_str(), file.c_str()) == 0) return {};
-    auto why = because();
-    ::unlink(fresh.c_str());
-    return fmt::format("cannot replace {}: {}", file, why);
 }
 
 ise::result<seal::radio_keys> read(const std::string& file) {
@@ -122,8 +116,8 @@ int next_radio_key(const std::string& file, const std::string& made, const std::
         // not make the next ones too low; the time serves a copy of the file that was not used last.
         by->generation = std::max(by->generation + 1, static_cast<std::uint64_t>(std::time(nullptr)));
         keys->recovery = seal::seal_recovery(by->key, by->generation, *keys->next);
-        if (auto why = replace(recovery, seal::format_recovery_key(*by)); !why.empty())
-            return failed(fmt::format("{}; it keeps the number of its last use", why));
+        if (auto replaced = ise::replace_own_file(recovery, seal::format_recovery_key(*by)); !replaced)
+            return failed(fmt::format("{}; it keeps the number of its last use", replaced.error().message()));
     }
     if (auto why = write_new(made, seal::format_keys(*keys)); !why.empty()) return failed(why);
     return show(*keys);
@@ -135,7 +129,8 @@ int finish_radio_key(const std::string& file) {
     if (!keys->next) return failed(fmt::format("{} has one key only: nothing is to be finished", file));
     seal::radio_keys then;
     then.now = *keys->next;
-    if (auto why = replace(file, seal::format_keys(then)); !why.empty()) return failed(why);
+    if (auto replaced = ise::replace_own_file(file, seal::format_keys(then)); !replaced)
+        return failed(replaced.error().message());
     return show(then);
 }
 

@@ -469,7 +469,9 @@ task<naming::register_response> shared_names::enroll(naming::register_request re
     } arriving(arriving_, lease_key);
     auto who = request.node;
     co_await keep_here(std::move(who), lease);
-    const auto store_lease_number = nodes_.at(lease_key).what.store_lease;
+    auto kept = nodes_.find(lease_key);
+    if (kept == nodes_.end()) throw error(errc::refused, "the lease of this node has ended meanwhile; ask again");
+    const auto store_lease_number = kept->second.what.store_lease;
 
     struct step_of {
         std::size_t grant;
