@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <new>
 
 namespace ise {
 
@@ -28,11 +29,18 @@ std::uint64_t call_id(std::uint32_t slot, std::uint32_t generation) noexcept {
     made->name = call.service;
     made->types = call.types;
     made->told = call.types->fingerprints[role::response];
-    introduced_.push_back(std::move(made));
     over_.runtime().schemas().add_own(*call.types);
     call.owner->on_first_call(call.service, *call.types);
-    auto number = static_cast<std::uint32_t>(introduced_.size() - 1);
-    introduce(number);
+    auto number = static_cast<std::uint32_t>(introduced_.size());
+    introduced_.push_back(std::move(made));
+    const auto& control = over_.wire().out().control();
+    const auto unsent = control.size();
+    try {
+        introduce(number);
+    } catch (...) { // a number that the peer does not know would end the session
+        if (control.size() == unsent) introduced_.pop_back();
+        throw;
+    }
     return number;
 }
 
@@ -248,9 +256,8 @@ void outgoing_calls::on_session_end(const failure& cause, call_owner* owner) {
         if (ours && (header.flags & wire::flag::again)) {
             owner->repeat(*call); // an earlier session may have carried it
         } else if (ours) {
-            owner->requeue(
-                *call, incoming_packet(unwritten.body.subspan(wire::request_head::size(header.flags)), unwritten.object)
-                           .keep());
+            requeue(*owner, *call,
+                    incoming_packet(unwritten.body.subspan(wire::request_head::size(header.flags)), unwritten.object));
         } else {
             calls_.fail(*call, failure(errc::peer_lost, fmt::format("'{}': the session ended before it was called: {}",
                                                                     call->service, cause.message())));
@@ -268,6 +275,17 @@ void outgoing_calls::on_session_end(const failure& cause, call_owner* owner) {
                             fmt::format("'{}': the session ended before the answer: {}", call.service, cause.message()),
                             execution::unknown));
     }
+}
+
+void outgoing_calls::requeue(call_owner& owner, pending_call& call, incoming_packet request) {
+    payload kept;
+    try {
+        kept = request.keep();
+    } catch (const std::bad_alloc&) { // the others go on
+        calls_.fail(call, failure(errc::overloaded, "no memory"));
+        return;
+    }
+    owner.requeue(call, std::move(kept));
 }
 
 void outgoing_calls::add_used(std::set<std::string>& names) const {

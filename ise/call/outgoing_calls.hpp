@@ -59,6 +59,7 @@ private:
     pending_call& free_slot(slot& of);
     pending_call* take_slot(std::uint64_t id);
     void introduce(std::uint32_t number);
+    void requeue(call_owner& owner, pending_call& call, incoming_packet request);
     void release(introduced& service, const failure* problem);
 
     conversation& over_;

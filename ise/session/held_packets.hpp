@@ -32,7 +32,7 @@ template <class Head>
 class held_packets {
 public:
     /// At most so many, within a budget that others share.
-    held_packets(std::size_t most, held_budget& budget) noexcept : most_(most), budget_(budget) {}
+    held_packets(std::size_t most, held_budget& budget) : most_(most), budget_(budget) {}
     held_packets(const held_packets&) = delete;
     held_packets& operator=(const held_packets&) = delete;
     ~held_packets() { clear(); }

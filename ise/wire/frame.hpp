@@ -108,8 +108,13 @@ void put_frame(buffer& out, frame_type type, std::uint8_t flags, std::uint64_t i
     header.flags = flags;
     header.id = id;
     std::size_t start = out.size();
-    put_header(out, header);
-    append(out);
+    try {
+        put_header(out, header);
+        append(out);
+    } catch (...) { // half a frame would end the session
+        out.truncate(start);
+        throw;
+    }
     out.patch_u32(start, static_cast<std::uint32_t>(out.size() - start - frame_header::size));
 }
 

@@ -10,7 +10,8 @@ extern "C" void* __real_realloc(void*, std::size_t);
 namespace {
 
 std::atomic<std::uint64_t> count{0};
-std::atomic<std::int64_t> until_refused{-1}; // negative: none is
+std::atomic<std::int64_t> until_refused{-1};        // negative: none is
+std::atomic<std::int64_t> until_growth_refused{-1}; // the same
 std::atomic<std::uint64_t> grown{0};
 std::atomic<std::uint64_t> grown_large{0};
 std::atomic<std::size_t> largest{0};
@@ -22,10 +23,12 @@ void* counted(std::size_t size, std::size_t alignment = 0) noexcept {
     return std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
 }
 
-void note_growth(std::size_t size) noexcept {
+// False: it is refused.
+bool note_growth(std::size_t size) noexcept {
     ++grown;
     if (size >= 4096) ++grown_large;
     if (size > largest) largest = size;
+    return until_growth_refused.load(std::memory_order_relaxed) < 0 || until_growth_refused-- != 0;
 }
 
 void* sure(void* made) {
@@ -41,18 +44,16 @@ void* sure(void* made) {
 std::uint64_t ise_test::allocations() noexcept { return count; }
 void ise_test::refuse_allocation_after(std::int64_t others) noexcept { until_refused = others; }
 void ise_test::refuse_no_allocation() noexcept { until_refused = -1; }
+void ise_test::refuse_growth_after(std::int64_t others) noexcept { until_growth_refused = others; }
+void ise_test::refuse_no_growth() noexcept { until_growth_refused = -1; }
 std::uint64_t ise_test::reallocations() noexcept { return grown; }
 std::uint64_t ise_test::large_reallocations() noexcept { return grown_large; }
 std::size_t ise_test::take_largest_reallocation() noexcept { return largest.exchange(0); }
 
 // link.cmake
-extern "C" void* __wrap_malloc(std::size_t size) {
-    note_growth(size);
-    return __real_malloc(size);
-}
+extern "C" void* __wrap_malloc(std::size_t size) { return note_growth(size) ? __real_malloc(size) : nullptr; }
 extern "C" void* __wrap_realloc(void* old, std::size_t size) {
-    note_growth(size);
-    return __real_realloc(old, size);
+    return note_growth(size) ? __real_realloc(old, size) : nullptr;
 }
 
 // All of them: a sanitizer brings its own, which must not meet these.

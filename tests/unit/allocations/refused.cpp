@@ -15,6 +15,7 @@
 #include <asio/any_io_executor.hpp>
 #include <asio/io_context.hpp>
 
+#include <map>
 #include <memory>
 #include <new>
 #include <optional>
@@ -100,6 +101,14 @@ namespace {
 
 using boat_services::blob;
 using boat_services::echo;
+constexpr ise::request_response<blob, blob> other("other");
+
+template <class Contract>
+ise::task<> ask_once(ise::remote to, Contract of) {
+    typename Contract::request_type request;
+    auto got = co_await to.call(of, std::move(request), 5s);
+    static_cast<void>(got);
+}
 
 struct called {
     int ends = 0;
@@ -133,18 +142,21 @@ ise::task<bool> call_all(ise::loop& on, ise::remote to, const std::vector<std::s
 } // namespace
 
 TEST_CASE("a call that any allocation was refused ends once, and the calls beside it get their own answers") {
-    const bool connected = GENERATE(true, false);
+    // Without a session, with one, and with one over which the service was called before.
+    const bool connected = GENERATE(true, false), called_before = GENERATE(true, false);
+    if (called_before && !connected) return;
     // Small ones side by side, one that goes in pieces behind them, and one that fills a block.
     const std::vector<std::size_t> sizes{100, 70'000, 200'000, 300};
     int failed = 0;
     for (std::int64_t step = 0; step < 160; ++step) {
         const std::size_t refused = static_cast<std::size_t>(step) % 4;
         const std::int64_t n = step / 4;
-        CAPTURE(connected, refused, n);
+        CAPTURE(connected, called_before, refused, n);
         sim_parties all;
         auto& boat = all.add("boat");
         auto& shore = all.add("shore");
         boat.provide(echo, [](blob given) { return given; });
+        boat.provide(other, [](blob given) { return given; });
         boat.listen("tcp://0.0.0.0:7400");
         auto there = shore.at("tcp://boat:7400");
         std::vector<called> first, all_of, last;
@@ -153,7 +165,8 @@ TEST_CASE("a call that any allocation was refused ends once, and the calls besid
             for (int i = 0; i < 100; ++i)
                 alarms.emplace_back(std::make_unique<ise::timer>(shore.on, [] {}))->arm(shore.on.now() + 1h);
         }
-        if (connected) {
+        if (connected) all.run(shore, ask_once(there, other));
+        if (called_before) {
             all.run(shore, call_all(shore.on, there, sizes, sizes.size(), 0, first));
             all.world.run_for(1s);
         }
@@ -172,6 +185,61 @@ TEST_CASE("a call that any allocation was refused ends once, and the calls besid
                 REQUIRE(all_of[at].last->value().content == std::vector<std::uint8_t>(sizes[at], std::uint8_t(at)));
             else ++failed;
         }
+        REQUIRE(shore.services->calls().open_calls() == 0);
+        REQUIRE(all.stop());
+    }
+    CHECK(failed > 0);
+}
+
+namespace {
+
+// Calls of which nothing has been written when their session ends, where a buffer is refused memory.
+ise::task<> call_and_cut(party& by, ise::remote to, std::int64_t n, std::vector<called>& into) {
+    into.resize(4);
+    ise::loop::turn in(by.on);
+    for (std::size_t at = 0; at < into.size(); ++at) {
+        blob request;
+        request.content.assign(100, static_cast<std::uint8_t>(at));
+        to.try_call(echo, std::move(request), 5s, [&one = into[at]](ise::result<blob> outcome) {
+            ++one.ends;
+            one.last.emplace(std::move(outcome));
+        });
+    }
+    for (const auto& [raw, held] : std::map(by.services->sessions()))
+        held->wire().close(ise::failure(ise::errc::peer_lost, "cut")); // it is reported behind this
+    by.on.later([] { refuse_no_growth(); });
+    refuse_growth_after(n);
+    co_return;
+}
+
+} // namespace
+
+TEST_CASE("a call that finds no memory to wait for the next session fails, and the others wait") {
+    int failed = 0;
+    for (std::int64_t n = 0; n < 8; ++n) {
+        CAPTURE(n);
+        sim_parties all;
+        auto& boat = all.add("boat");
+        auto& shore = all.add("shore");
+        boat.provide(echo, [](blob given) { return given; });
+        boat.listen("tcp://0.0.0.0:7400");
+        auto there = shore.at("tcp://boat:7400");
+        all.run(shore, ask_once(there, echo));
+        std::vector<called> all_of;
+        all.run(shore, call_and_cut(shore, there, n, all_of));
+        all.world.run_for(10s);
+        refuse_no_growth();
+        int of_these = 0;
+        for (std::size_t at = 0; at < all_of.size(); ++at) {
+            CAPTURE(at);
+            REQUIRE(all_of[at].ends == 1);
+            if (*all_of[at].last)
+                CHECK(all_of[at].last->value().content ==
+                      std::vector<std::uint8_t>(100, static_cast<std::uint8_t>(at)));
+            else ++of_these;
+        }
+        CHECK(of_these <= 1);
+        failed += of_these;
         REQUIRE(shore.services->calls().open_calls() == 0);
         REQUIRE(all.stop());
     }
