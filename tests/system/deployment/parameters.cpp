@@ -53,7 +53,7 @@ TEST_CASE("what cannot be set is refused, with what is allowed") {
                         "with another value"));
     CHECK_THAT(refusal({"set", "sea/one", "answer", "9"}, 1),
                Contains("sea/one refuses it: nine is no answer") && !Contains("ise.change_parameters"));
-    CHECK_THAT(refusal({"set", "sea/one", "answer"}, 2), Contains("ise param set takes a VALUE"));
+    CHECK_THAT(refusal({"set", "sea/one", "answer"}, 2), Contains("ise param set requires a VALUE"));
     CHECK_THAT(refusal({"list", "sea/one", "answer"}, 2), Contains("ise param list does not accept PARAMETER"));
     CHECK_THAT(refusal({"list", "ise/host/boat"}, 3), Contains("'ise/host/boat' has no parameters that can be read"));
     CHECK(in.json_of({"call", "sea/one", "ask"})["answer"] == 7);
