@@ -50,7 +50,7 @@ void boat_page::restore() {
         state_.restore(fix.point, fix.link);
     state_.restore_sailed(value_or_throw(archive_->sailed_m(id)));
     for (const auto& packet : value_or_throw(archive_->newest(id))) feed_.restore(packet, clock());
-    for (const auto& [link, at] : value_or_throw(archive_->heard(id))) state_.restore_heard(link, at);
+    for (const auto& [link, at] : value_or_throw(archive_->heard(id))) state_.restore_heard(link, at, clock());
     state_.on_point = [this](const track_point& point, const std::string& link) {
         archive_->keep(source_.id, point, link);
     };
@@ -157,7 +157,7 @@ void boat_page::show_health(const communication_state& node) {
         result.source = name_of(link.link);
         result.connected = link.reached;
         result.detail = link.reached ? "" : "its receiver is not reached";
-        if (link.last_heard != utc_time()) result.last_heard = std::min<utc_ms>(link.last_heard, clock());
+        if (link.last_heard != utc_time()) result.last_heard = link.last_heard;
         if (archive_ && result.last_heard) archive_->keep_heard(source_.id, result.source, *result.last_heard);
         show_feed(std::move(result));
         if (link.link == link_id::iridium && !link.proxy.empty()) look_for_estimates(link.proxy);

@@ -46,7 +46,7 @@ struct track_archive::implementation {
         telemetry_packet packet;
     };
 
-    ise::result<void> write();
+    ise::result<void> write(utc_ms now);
     ise::database& db() { return *opened; }
     ise::result<void> count();
     ise::result<void> enter(ise::database& into, const std::string& boat, const std::string& name);
@@ -150,7 +150,7 @@ void track_archive::implementation::bound_what_waits() {
 
 ise::result<void> track_archive::commit(utc_ms now) {
     auto& self = *self_;
-    auto written = self.write();
+    auto written = self.write(now);
     if (!written) {
         ++self.statistics.failed_commits;
         self.statistics.trouble = written.error().message();
@@ -165,7 +165,7 @@ ise::result<void> track_archive::commit(utc_ms now) {
     return tidied;
 }
 
-ise::result<void> track_archive::implementation::write() {
+ise::result<void> track_archive::implementation::write(utc_ms now) {
     if (fixes.empty() && packets.empty() && cursors.empty()) return {};
     std::uint64_t new_fixes = 0, new_packets = 0;
     auto kept = db().transaction([&]() -> ise::result<void> {
@@ -194,7 +194,7 @@ ise::result<void> track_archive::implementation::write() {
         for (const auto& [where, at] : heard) {
             auto done = db().execute(
                 "INSERT INTO heard VALUES (?, ?, ?) ON CONFLICT (boat, link) DO UPDATE SET at = max(at, excluded.at)",
-                {where.first, where.second, archived(at)});
+                {where.first, where.second, archived(std::min(at, now))}); // a clock of the shore may be ahead
             if (!done) return done.error();
         }
         for (const auto& [where, seen] : cursors) {

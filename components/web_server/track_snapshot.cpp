@@ -212,8 +212,8 @@ void track_state::restore(track_point fix, const std::string& link) {
     self.line.insert(std::move(fix));
 }
 
-void track_state::restore_heard(const std::string& link, utc_ms at) {
-    if (self_->heard.size() < max_track_sources) self_->heard[bounded(link)] = at;
+void track_state::restore_heard(const std::string& link, utc_ms at, utc_ms now) {
+    self_->note_heard(bounded(link), at, now);
 }
 
 void track_state::restore_sailed(double total_m) { self_->line.correct_sailed(total_m); }

@@ -27,7 +27,7 @@ bool on_earth(double latitude_deg, double longitude_deg) {
 }
 } // namespace
 
-bool track_state_parts::accept(report_origin& from) {
+bool track_state_parts::accept(report_origin& from, utc_ms now) {
     if (from.measured_at > from.received_at) { // so that it hides nothing that is measured afterwards
         from.measured_at = from.received_at;
         ++statistics.clock_corrected;
@@ -35,11 +35,14 @@ bool track_state_parts::accept(report_origin& from) {
     if (from.received_at - from.measured_at > options.max_age) return ++statistics.refused, false;
     from.source = bounded(from.source);
     ++statistics.accepted;
-    if (!from.history && (heard.contains(from.source) || heard.size() < max_track_sources)) {
-        auto& last = heard[from.source];
-        last = std::max(last, from.received_at);
-    }
+    if (!from.history) note_heard(from.source, from.received_at, now);
     return true;
+}
+
+void track_state_parts::note_heard(const std::string& source, utc_ms at, utc_ms now) {
+    if (!heard.contains(source) && heard.size() >= max_track_sources) return;
+    auto& last = heard[source];
+    last = std::max(last, std::min(at, now)); // a clock of the shore may be ahead
 }
 
 bool track_state_parts::would_blur(const position_update& update) const {
@@ -75,7 +78,7 @@ std::optional<ise::sse_event> track_state::apply(const position_update& given, u
     auto& self = *self_;
     auto update = given;
     if (!on_earth(update.latitude_deg, update.longitude_deg)) return ++self.statistics.refused, std::nullopt;
-    if (!self.accept(update.from)) return std::nullopt;
+    if (!self.accept(update.from, now)) return std::nullopt;
     keep_within(update.speed_over_ground_mps, 0, 60);
     keep_within(update.circular_error_m, 0, 1e6);
     normalise_direction(update.course_over_ground_deg);
@@ -117,7 +120,7 @@ std::optional<ise::sse_event> track_state::apply(const position_update& given, u
 std::optional<ise::sse_event> track_state::apply(const navigation_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
-    if (!self.accept(update.from) || !self.is_newer(self.navigation, update)) return std::nullopt;
+    if (!self.accept(update.from, now) || !self.is_newer(self.navigation, update)) return std::nullopt;
     normalise_direction(update.heading_deg);
     normalise_direction(update.course_to_steer_deg);
     keep_within(update.heel_deg, -180, 180);
@@ -140,7 +143,7 @@ std::optional<ise::sse_event> track_state::apply(const navigation_update& given,
 std::optional<ise::sse_event> track_state::apply(const wind_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
-    if (!self.accept(update.from)) return std::nullopt;
+    if (!self.accept(update.from, now)) return std::nullopt;
     normalise_direction(update.apparent_angle_deg);
     if (update.apparent_angle_deg && *update.apparent_angle_deg > 180) *update.apparent_angle_deg -= 360;
     normalise_direction(update.true_direction_deg);
@@ -164,7 +167,7 @@ std::optional<ise::sse_event> track_state::apply(const wind_update& given, utc_m
 std::optional<ise::sse_event> track_state::apply(const power_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
-    if (!self.accept(update.from)) return std::nullopt;
+    if (!self.accept(update.from, now)) return std::nullopt;
     keep_within(update.battery_voltage_v, 0, 1000);
     keep_within(update.battery_current_a, -1000, 1000);
     keep_within(update.battery_charge_percent, 0, 100);
@@ -184,7 +187,7 @@ std::optional<ise::sse_event> track_state::apply(const waypoints_update& given, 
                  std::all_of(update.points.begin(), update.points.end(),
                              [](const track_waypoint& w) { return on_earth(w.latitude_deg, w.longitude_deg); });
     if (!sound) return ++self.statistics.refused, std::nullopt;
-    if (!self.accept(update.from) || !self.is_newer(self.waypoints, update)) return std::nullopt;
+    if (!self.accept(update.from, now) || !self.is_newer(self.waypoints, update)) return std::nullopt;
     for (auto& point : update.points) point.name = bounded(point.name);
     auto active = update.active;
     update.active = self.waypoints ? self.waypoints->active : std::nullopt;
@@ -198,7 +201,7 @@ std::optional<ise::sse_event> track_state::apply(const waypoints_update& given, 
 std::optional<ise::sse_event> track_state::apply(const mode_update& given, utc_ms now) {
     auto& self = *self_;
     auto update = given;
-    if (!self.accept(update.from) || !self.is_newer(self.mode, update)) return std::nullopt;
+    if (!self.accept(update.from, now) || !self.is_newer(self.mode, update)) return std::nullopt;
     update.mode = bounded(update.mode);
     self.mode = std::move(update);
     ++self.revision;
@@ -212,7 +215,7 @@ std::optional<ise::sse_event> track_state::apply(const signal_update& given, utc
     auto known = self.signals.find(update.link);
     if (known == self.signals.end() && self.signals.size() >= max_track_sources)
         return ++self.statistics.refused, std::nullopt;
-    if (!self.accept(update.from)) return std::nullopt;
+    if (!self.accept(update.from, now)) return std::nullopt;
     keep_within(update.rssi_dbm, -200, 50);
     if (!update.rssi_dbm) return std::nullopt;
     self.remember("signal_" + update.link, update.from.measured_at, update.rssi_dbm);
@@ -229,10 +232,7 @@ std::optional<ise::sse_event> track_state::apply(const feed_update& given, utc_m
     update.detail = bounded(update.detail);
     if (!self.feeds.contains(update.source) && self.feeds.size() >= max_track_sources)
         return ++self.statistics.refused, std::nullopt;
-    if (update.last_heard && (self.heard.contains(update.source) || self.heard.size() < max_track_sources)) {
-        auto& last = self.heard[update.source];
-        last = std::max(last, std::min(*update.last_heard, now)); // a clock of the shore may be ahead
-    }
+    if (update.last_heard) self.note_heard(update.source, *update.last_heard, now);
     auto known = self.feeds.find(update.source);
     bool same = known != self.feeds.end() && known->second.connected == update.connected &&
                 known->second.detail == update.detail;

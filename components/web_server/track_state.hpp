@@ -62,7 +62,7 @@ public:
 
     // What was kept over a restart of the server; before anything is applied. No events are made.
     void restore(track_point fix, const std::string& link);
-    void restore_heard(const std::string& link, utc_ms at);
+    void restore_heard(const std::string& link, utc_ms at, utc_ms now);
     void restore_sailed(double total_m);
 
     /// Told of each fix that comes into the track, or changes there, and its link. Nobody by default.

@@ -58,7 +58,8 @@ struct track_state_parts {
     }
 
     /// False (and counted) where the report cannot be used at all; otherwise its time and link are made sane.
-    bool accept(report_origin& from);
+    bool accept(report_origin& from, utc_ms now);
+    void note_heard(const std::string& source, utc_ms at, utc_ms now);
     /// Where the gateway believed the boat to be says less than a fix of the boat's own that is not stale yet.
     bool would_blur(const position_update& update) const;
     std::uint32_t source_index(const std::string& source);

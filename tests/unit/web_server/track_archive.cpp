@@ -77,7 +77,8 @@ TEST_CASE("archive: what was committed is there when it is opened again") {
         archive->keep_heard("vela", "iridium", start + 9s);
         archive->keep_heard("vela", "iridium", start + 8s);
         CHECK(archive->statistics().waiting == 3);
-        REQUIRE(archive->commit(start));
+        archive->keep_heard("vela", "xbee", start + 1h); // by a clock of the shore that is ahead
+        REQUIRE(archive->commit(start + 10s));
         CHECK(archive->statistics().waiting == 0);
         archive->keep("vela", point(start + 5s), "gprs"); // and this was not committed
     }
@@ -99,6 +100,7 @@ TEST_CASE("archive: what was committed is there when it is opened again") {
     CHECK(archive->sailed_m("vela").value() == 1852.5);
     CHECK(archive->heard("vela").value().at("gprs") == start + 3s);
     CHECK(archive->heard("vela").value().at("iridium") == start + 9s);
+    CHECK(archive->heard("vela").value().at("xbee") == start + 10s);
     CHECK(archive->fixes("another", ever, utc_ms::max(), 100).value().empty());
     CHECK(archive->statistics().fixes == 1);
     CHECK(archive->statistics().packets == 2);

@@ -332,4 +332,17 @@ TEST_CASE("how a link is doing is told once, and when it was heard last with it"
     CHECK(status["heard"]["gprs"] == start.time_since_epoch().count());
 }
 
+TEST_CASE("no link was heard in the future, whichever way that is told") {
+    atirma::track_state state;
+    state.restore_heard("gprs", start + 1h, start);
+    atirma::position_update fix;
+    fix.from = {start, start + 1h, "xbee", false};
+    fix.latitude_deg = 28.1;
+    fix.longitude_deg = -15.4;
+    REQUIRE(state.apply(fix, start));
+    auto heard = json::parse(state.status(start).data)["state"]["heard"];
+    CHECK(heard["gprs"] == start.time_since_epoch().count());
+    CHECK(heard["xbee"] == start.time_since_epoch().count());
+}
+
 } // namespace track_state_test
