@@ -99,11 +99,16 @@ bool command_router::know(ise::time_point now, utc_time wall, const command_reco
     return true;
 }
 
-/// A record that has changed since it was asked for may have been given to its link by another node, or by this one
-/// before it was started anew.
+/// The links to which another node gave it, or this one before it was started anew. Of an older program only the last
+/// one is known.
 void command_router::note_link(entry& e) {
     const auto& status = e.record.status;
-    if (status.at != status.asked_at) e.links[status.link].may_be_there = true;
+    if (e.record.links.empty() && status.at != status.asked_at) e.links[status.link].may_be_there = true;
+    for (auto link : e.record.links) {
+        auto& there = e.links[link];
+        if (there.refused) there = at_link(); // the other node gave it to that link afterwards
+        there.may_be_there = true;
+    }
 }
 
 void command_router::replace(utc_time wall, std::uint32_t id, std::uint32_t by) {
@@ -211,7 +216,7 @@ void command_router::on_status(utc_time wall, link_id link, const telecommand_st
         mine.executed_at = status.executed_at;
         if (status.boat_obeys) boat_epochs_.push_back({mine.authority, *status.boat_obeys});
         for (const auto& [other, given] : e.links)
-            if (other != link && given.given && !given.refused)
+            if (other != link && (given.given || e.mine) && !given.refused)
                 recalls_.push_back({status.id, other, fmt::format("acknowledged over {}", name_of(link))});
         change(e, wall, telecommand_stage::acknowledged, status.text);
         return;
@@ -329,6 +334,9 @@ void command_router::change(entry& e, utc_time wall, telecommand_stage stage, st
     bool was_final = is_final(e.record.status.state);
     e.record.status.state = stage;
     e.record.status.text = std::move(text);
+    e.record.links.clear();
+    for (const auto& [link, there] : e.links)
+        if (!there.refused) e.record.links.push_back(link);
     // Each change is later than the last.
     e.record.status.at = std::max(wall, e.record.status.at + std::chrono::milliseconds(1));
     changes_.push_back(e.record);

@@ -13,6 +13,7 @@ struct command_record {
     std::int64_t asked_steady_ms = 0;    ///< `asked_at` by the steady clock of that node; 0: not known
     std::string called_back;             ///< why no further link gets it; empty: any may
     std::vector<std::uint32_t> replaces; ///< those that were open when it came, and are called back for it
+    std::vector<link_id> links;          ///< that may have it; none in a record of an older program
 };
 
 /// A packet of the provider's store.

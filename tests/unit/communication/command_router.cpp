@@ -430,6 +430,41 @@ TEST_CASE("router: an order at the other node is replaced too, and stays so when
     }
 }
 
+TEST_CASE("router: one that is taken over is called back from every link to which the silent node gave it") {
+    table it, other;
+    const std::string two = "shore/two";
+    it.there(xbee);
+    it.there(gprs);
+    it.begin(it.request(1));
+    REQUIRE(it.give()->link == xbee);
+    it.pass(21s);
+    it.there(gprs);
+    REQUIRE(it.give()->link == gprs);
+    REQUIRE(other.desk.know(it.now, it.wall, it.desk.take_changes().back(), two));
+    other.desk.take_over(it.now, it.wall, two);
+    SECTION("by its operator") {
+        auto have = other.desk.call_back(it.wall, 1, "by ana");
+        CHECK(std::set(have.begin(), have.end()) == std::set{xbee, gprs});
+        other.desk.on_status(it.wall, gprs, other.says(1, telecommand_stage::failed, "called back before it was sent"));
+        CHECK_FALSE(is_final(other.status(1).state)); // xbee has it
+        other.desk.on_status(it.wall, xbee, other.says(1, telecommand_stage::expired, "it may have arrived"));
+        CHECK(other.status(1).state == telecommand_stage::expired);
+    }
+    SECTION("as the boat has answered over one of them") {
+        other.desk.on_status(it.wall, gprs, other.says(1, telecommand_stage::acknowledged));
+        auto recalls = other.desk.take_recalls();
+        REQUIRE(recalls.size() == 1);
+        CHECK(recalls[0].link == xbee);
+    }
+    SECTION("but not from a link that refused it") {
+        it.desk.on_refused(it.now, it.wall, 1, xbee, "too many are open");
+        table third;
+        REQUIRE(third.desk.know(it.now, it.wall, it.desk.take_changes().back(), two));
+        third.desk.take_over(it.now, it.wall, two);
+        CHECK(third.desk.call_back(it.wall, 1, "by ana") == std::vector{gprs});
+    }
+}
+
 TEST_CASE("router: the chosen link's word that it cannot be sent is the end of it") {
     table it;
     it.there(xbee);
