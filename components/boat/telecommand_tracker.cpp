@@ -179,6 +179,20 @@ void telecommand_tracker::hold(tracker_time at, ise::time_point until, const std
     if (first && first->text != why) change(table_.at(first->id), at, first->stage, why);
 }
 
+void telecommand_tracker::mark_unreadable(std::uint32_t id, bool unreadable) {
+    if (auto* e = table_.find(id)) e->unreadable = unreadable;
+}
+
+void telecommand_tracker::repeat_unreadable(tracker_time at) {
+    for (auto id : table_.open()) {
+        auto& e = table_.at(id);
+        if (!e.unreadable || (e.stage != link_stage::at_gateway && e.stage != link_stage::delivered)) continue;
+        e.may_have_left = true; // it was told as sent, and never becomes queued again
+        e.next_try = at.now;
+        change(e, at, link_stage::waiting, "the boat could not open it, as its session was not known: is sent again");
+    }
+}
+
 void telecommand_tracker::on_outcome(tracker_time at, std::uint32_t id, const link_outcome& outcome) {
     auto* e = table_.find(id);
     if (!e || e->stage != link_stage::sending) return;
@@ -263,9 +277,9 @@ void telecommand_tracker::on_link_up(tracker_time at) {
 bool telecommand_tracker::recall(tracker_time at, std::uint32_t id, const std::string& why) {
     auto* e = table_.find(id);
     if (!e || is_final(e->stage)) return false;
-    bool waits = e->stage == link_stage::waiting;
-    if (!waits && !policy_.answer_time) return false; // it is the link's now
-    if (waits && !e->may_have_left)
+    bool left = e->stage != link_stage::waiting && !e->unreadable;
+    if (left && !policy_.answer_time) return false; // it is the link's now
+    if (!left && !e->may_have_left)
         change(*e, at, link_stage::failed, fmt::format("called back before it was sent ({})", why));
     else change(*e, at, link_stage::expired, fmt::format("called back ({}): it may have arrived here as well", why));
     return true;

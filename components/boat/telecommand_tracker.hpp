@@ -48,6 +48,7 @@ struct tracked_telecommand {
     std::uint64_t order = 0;     ///< as they were asked for
     link_stage stage = link_stage::waiting;
     bool may_have_left = false; ///< an attempt ended in the dark, or another one follows a delivery
+    bool unreadable = false;    ///< the boat cannot open the last attempt: it was sealed without a session
     std::string text;
     std::optional<ack_code> result;
     std::optional<float> value;
@@ -119,6 +120,10 @@ public:
     ise::bytes encoded(const tracked_telecommand& entry, tracker_time at) const;
     /// The first that is due waits until then for a reason, and with it all others.
     void hold(tracker_time at, ise::time_point until, const std::string& why);
+    /// Whether the boat can open what is given of it now; before the outcome of that attempt.
+    void mark_unreadable(std::uint32_t id, bool unreadable);
+    /// The boat can open what is given from now on: those that it could not open are sent again.
+    void repeat_unreadable(tracker_time at);
     void on_outcome(tracker_time at, std::uint32_t id, const link_outcome& outcome);
     /// A session of the boat took a message along: the oldest at the gateway.
     void on_delivered(tracker_time at);
@@ -134,7 +139,7 @@ public:
     /// The way to the boat is open (again): what waits for an answer is due now.
     void on_link_up(tracker_time at);
     /// The boat has answered elsewhere: it is not sent any more. False where nothing can be called back: it is not
-    /// known, decided, or on its way over a link that sends once.
+    /// known, decided, or on its way over a link that sends once, to a boat that can open it.
     bool recall(tracker_time at, std::uint32_t id, const std::string& why);
     void on_time(tracker_time at);
     /// When `on_time` and `next_due` have something to do; time_point::max() if never.

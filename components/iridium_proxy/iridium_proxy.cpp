@@ -24,16 +24,6 @@ iridium_proxy::~iridium_proxy() = default;
 
 utc_time iridium_proxy::clock() const { return std::chrono::floor<std::chrono::milliseconds>(wall()); }
 
-/// Civil time that the steady clock never overtakes, also over a restart: where the clock is set back no telecommand
-/// lives longer by that. It stays ahead where the clock was ahead once, so it measures only: boat and people are told
-/// `clock()`.
-utc_time iridium_proxy::queue_clock() {
-    auto steady = std::chrono::floor<std::chrono::milliseconds>(now().time_since_epoch());
-    auto& ahead = state_->clock_ahead;
-    ahead = std::max(ahead, clock().time_since_epoch() - steady);
-    return utc_time(ahead + steady);
-}
-
 std::optional<ise::endpoint> iridium_proxy::webhook_at() const {
     if (!state_ || !state_->webhook) return std::nullopt;
     return state_->webhook->where();
@@ -106,10 +96,10 @@ ise::task<> iridium_proxy::run() {
     state_->seal =
         seal::shore_link::open_for(*this, options_.radio_key_file, link_id::iridium, options_.radio_secondary);
     auto& s = *state_;
-    s.clock_ahead = s.store.clock_ahead().value();
+    s.clock = s.store.clock().value();
     s.commands.clock = [this] {
-        auto at = civil_tracker_time(queue_clock());
-        at.wall = clock();
+        auto at = civil_tracker_time(state_->clock.read(clock(), now()));
+        at.wall = clock(); // that boat and people are told
         return at;
     };
     s.commands.keep = [this](const tracked_telecommand& entry) { return keep_on_disk(entry); };
@@ -163,7 +153,7 @@ void iridium_proxy::keep_what_is_open() {
 
 ise::result<void> iridium_proxy::keep_on_disk(const tracked_telecommand& entry) {
     auto& s = *state_;
-    auto kept = s.store.keep_clock_ahead(s.clock_ahead);
+    auto kept = s.store.keep(s.clock);
     if (kept) kept = s.store.save(entry);
     if (!kept) disk_trouble(kept.error());
     return kept;

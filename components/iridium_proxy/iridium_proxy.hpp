@@ -116,7 +116,6 @@ private:
     iridium_account account();
     void disk_trouble(const ise::failure& why);
     utc_time clock() const;
-    utc_time queue_clock();
 
     iridium_proxy_options options_;
     std::unique_ptr<proxy_state> state_; // what lives from one run() to the next

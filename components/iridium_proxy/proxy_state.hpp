@@ -33,7 +33,7 @@ struct proxy_state {
     std::unique_ptr<seal::shore_link> seal; // empty: no key
     sbd_store store;
     telecommand_service commands;
-    std::chrono::milliseconds clock_ahead = std::chrono::milliseconds::min(); // of the queue, of the steady clock
+    queue_clock clock;
     duplicate_filter seen;
     std::optional<iridium::jwt_key> key;
     iridium::address_list gateways;

@@ -10,7 +10,7 @@
 namespace atirma {
 namespace {
 
-constexpr std::array<std::string_view, 4> schema{
+constexpr std::array<std::string_view, 6> schema{
     "CREATE TABLE mo(imei TEXT NOT NULL, momsn INTEGER NOT NULL, session_time INTEGER NOT NULL, path TEXT NOT NULL, "
     "status INTEGER NOT NULL,"
     " mtmsn INTEGER NOT NULL, latitude REAL, longitude REAL, cep_km REAL, data BLOB NOT NULL, received_at INTEGER NOT "
@@ -28,7 +28,9 @@ constexpr std::array<std::string_view, 4> schema{
     "ALTER TABLE mt ADD COLUMN authority INTEGER NOT NULL DEFAULT 0",
     "ALTER TABLE mt ADD COLUMN boat_obeys INTEGER;\n"
     "CREATE TABLE clock(one INTEGER PRIMARY KEY CHECK(one = 1), ahead INTEGER NOT NULL)",
-    "ALTER TABLE mt ADD COLUMN executed_at INTEGER"};
+    "ALTER TABLE mt ADD COLUMN executed_at INTEGER",
+    "ALTER TABLE mt ADD COLUMN unreadable INTEGER NOT NULL DEFAULT 0",
+    "ALTER TABLE clock ADD COLUMN shown INTEGER NOT NULL DEFAULT 0"};
 
 std::int64_t number(utc_time at) { return at.time_since_epoch().count(); }
 utc_time time_of(std::int64_t ms) { return utc_time(std::chrono::milliseconds(ms)); }
@@ -106,7 +108,8 @@ ise::result<std::vector<tracked_telecommand>> sbd_store::load() {
     auto rows = db_.query(
         "SELECT id, command, ordinal, stage, may_have_left, text, result, value, reference, "
         "attempts, asked_at, expires_at,"
-        " changed_at, next_try, authority, boat_obeys, executed_at FROM mt ORDER BY changed_at DESC LIMIT 1000");
+        " changed_at, next_try, authority, boat_obeys, executed_at, unreadable FROM mt ORDER BY changed_at DESC LIMIT "
+        "1000");
     if (!rows) return rows.error();
     std::vector<tracked_telecommand> out;
     for (const auto& row : *rows) {
@@ -134,6 +137,7 @@ ise::result<std::vector<tracked_telecommand>> sbd_store::load() {
         if (!row.is_null(15)) e.boat_obeys = static_cast<std::uint32_t>(row.integer(15));
         e.valid_until = time_of(row.integer(11));
         if (!row.is_null(16)) e.executed_at = time_of(row.integer(16));
+        e.unreadable = row.integer(17) != 0;
         out.push_back(std::move(e));
     }
     return out;
@@ -145,27 +149,33 @@ ise::result<void> sbd_store::save(const tracked_telecommand& e) {
     if (e.value) value = static_cast<double>(*e.value);
     if (e.boat_obeys) boat_obeys = std::int64_t{*e.boat_obeys};
     if (e.executed_at) executed_at = number(*e.executed_at);
-    auto done = db_.execute("INSERT OR REPLACE INTO mt(id, command, ordinal, stage, may_have_left, text, result, "
-                            "value, reference, attempts, asked_at,"
-                            " expires_at, changed_at, next_try, authority, boat_obeys, executed_at)"
-                            " VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                            {std::int64_t{e.id}, ise::to_json(e.command), static_cast<std::int64_t>(e.order),
-                             static_cast<std::int64_t>(e.stage), std::int64_t{e.may_have_left}, e.text, result, value,
-                             e.reference, std::int64_t{e.attempts}, number(e.asked_at),
-                             number(civil_time_of(e.expires_at)), number(e.changed_at),
-                             number(civil_time_of(e.next_try)), std::int64_t{e.authority}, boat_obeys, executed_at});
+    auto done =
+        db_.execute("INSERT OR REPLACE INTO mt(id, command, ordinal, stage, may_have_left, text, result, "
+                    "value, reference, attempts, asked_at,"
+                    " expires_at, changed_at, next_try, authority, boat_obeys, executed_at, unreadable)"
+                    " VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                    {std::int64_t{e.id}, ise::to_json(e.command), static_cast<std::int64_t>(e.order),
+                     static_cast<std::int64_t>(e.stage), std::int64_t{e.may_have_left}, e.text, result, value,
+                     e.reference, std::int64_t{e.attempts}, number(e.asked_at), number(civil_time_of(e.expires_at)),
+                     number(e.changed_at), number(civil_time_of(e.next_try)), std::int64_t{e.authority}, boat_obeys,
+                     executed_at, std::int64_t{e.unreadable}});
     if (!done) return done.error();
     return {};
 }
 
-ise::result<std::chrono::milliseconds> sbd_store::clock_ahead() {
-    auto rows = db_.query("SELECT ahead FROM clock");
+ise::result<queue_clock> sbd_store::clock() {
+    auto rows = db_.query("SELECT ahead, shown FROM clock");
     if (!rows) return rows.error();
-    return rows->empty() ? std::chrono::milliseconds::min() : std::chrono::milliseconds(rows->front().integer(0));
+    queue_clock made;
+    if (rows->empty()) return made;
+    made.ahead = std::chrono::milliseconds(rows->front().integer(0));
+    made.last = time_of(rows->front().integer(1));
+    return made;
 }
 
-ise::result<void> sbd_store::keep_clock_ahead(std::chrono::milliseconds ahead) {
-    auto done = db_.execute("INSERT OR REPLACE INTO clock(one, ahead) VALUES(1, ?)", {std::int64_t{ahead.count()}});
+ise::result<void> sbd_store::keep(const queue_clock& clock) {
+    auto done = db_.execute("INSERT OR REPLACE INTO clock(one, ahead, shown) VALUES(1, ?, ?)",
+                            {std::int64_t{clock.ahead.count()}, number(clock.last)});
     if (!done) return done.error();
     return {};
 }

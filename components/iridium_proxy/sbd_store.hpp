@@ -2,6 +2,7 @@
 #include <components/boat/link_budget.hpp>
 #include <components/boat/telecommand_tracker.hpp>
 #include <components/iridium/message.hpp>
+#include <components/iridium_proxy/queue_clock.hpp>
 #include <components/iridium_proxy/services.hpp>
 #include <components/spending/spending_book.hpp>
 
@@ -29,9 +30,9 @@ public:
 
     ise::result<std::vector<tracked_telecommand>> load();
     ise::result<void> save(const tracked_telecommand& entry);
-    /// How far the queue's civil time was ahead of the steady clock; milliseconds::min() where it was never kept.
-    ise::result<std::chrono::milliseconds> clock_ahead();
-    ise::result<void> keep_clock_ahead(std::chrono::milliseconds ahead);
+    /// A new one where it was never kept.
+    ise::result<queue_clock> clock();
+    ise::result<void> keep(const queue_clock& clock);
     /// An attempt is about to be made: the entry as it is now, and what it will cost, at once.
     ise::result<void> begin_attempt(const tracked_telecommand& entry, utc_time now, std::size_t bytes,
                                     std::uint64_t credits);

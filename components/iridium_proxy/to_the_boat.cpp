@@ -37,6 +37,7 @@ ise::task<> iridium_proxy::send_all() {
     }
     auto& tracker = s.commands.tracker();
     for (;;) {
+        if (s.seal && s.seal->knows_session()) tracker.repeat_unreadable(s.commands.now());
         auto at = clock();
         auto due = next_within_budget(tracker, s.commands.now(), budget(), options_.bytes_per_credit);
         s.commands.work();
@@ -45,6 +46,8 @@ ise::task<> iridium_proxy::send_all() {
             continue;
         }
         link_outcome outcome;
+        // Not those of a session that is over: the boat may have executed them in it, and have lost their ids with it.
+        tracker.mark_unreadable(due->id, s.seal && !s.seal->knows_session());
         auto raw = sealed(due->raw);
         if (raw) due->raw = std::move(*raw);
         auto bytes = due->raw.size();

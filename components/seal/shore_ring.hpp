@@ -29,6 +29,8 @@ public:
     /// A sealed packet that makes the boat change to the next key; empty: there is none.
     ise::bytes rekey();
 
+    /// See shore_seal; of the key that packets to the boat are sealed under.
+    bool knows_session() const noexcept { return uses_next_ ? next_->knows_session() : now_.knows_session(); }
     /// That packets to the boat are sealed under.
     const radio_key& key() const noexcept { return uses_next_ ? next_->key() : now_.key(); }
     /// To which the boat has not changed yet, as far as is known; null: none.

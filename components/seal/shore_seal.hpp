@@ -45,6 +45,8 @@ public:
     ise::result<ise::bytes> read(ise::bytes_view raw) const;
 
     const radio_key& key() const noexcept { return key_; }
+    /// Before that no boat opens what is sealed.
+    bool knows_session() const noexcept { return kept_.of != no_session; }
 
 private:
     ise::result<ise::bytes> seal_frame(std::uint8_t type, ise::bytes content);

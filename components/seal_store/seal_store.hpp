@@ -74,6 +74,7 @@ public:
     ise::result<ise::bytes> read(ise::bytes_view raw) const { return ring_->read(raw); }
     ise::bytes take_question() { return ring_->take_question(); }
     ise::bytes rekey() { return ring_->rekey(); }
+    bool knows_session() const noexcept { return ring_->knows_session(); }
     const radio_key& key() const { return ring_->key(); }
     /// What a proxy tells of its link; `of` may be null: it is not sealed.
     static link_seal report(const std::unique_ptr<shore_link>& of);

@@ -18,6 +18,37 @@ std::string satellite_key(int salt) {
 
 } // namespace
 
+TEST_CASE("iridium: the first telecommand of a proxy that does not know the boat's session is obeyed, once") {
+    ocean it;
+    it.world.host("boat").write_file("radio.key", satellite_key(1));
+    it.world.host("shore").write_file("radio.key", satellite_key(1));
+    it.boat_options.radio_key_file = it.proxy_options.radio_key_file = "radio.key";
+    it.start();
+    iridium_sky_request sky;
+    sky.free = false;
+    it.set_sky(sky);
+    auto& seen = it.watch();
+    REQUIRE(it.until([&] { return seen.account && seen.gateway; }));
+    REQUIRE_FALSE(seen.account->last_session_at); // no notice has come
+    telecommand_request request;
+    request.id = 7;
+    request.command = commands::waypoint_add{{28.16, -15.45}};
+    request.valid_s = 3600;
+    auto before = it.boat().pilot().list().size();
+    ocean::asked answer;
+    it.command(request, 59min, answer);
+    REQUIRE(it.until([&] {
+        const auto& queue = seen.account->queue;
+        return !queue.empty() && queue[0].stage == link_stage::at_gateway;
+    }));
+    sky.free = true;
+    it.set_sky(sky);
+    REQUIRE(it.until([&] { return answer.has_value(); }, 1h));
+    REQUIRE(*answer);
+    CHECK((*answer)->state == telecommand_stage::acknowledged);
+    CHECK(it.boat().pilot().list().size() == before + 1);
+}
+
 TEST_CASE("iridium: over a sealed link telemetry arrives and the boat obeys, unsealed it does not") {
     for (const auto& ashore : {satellite_key(1), std::string(), satellite_key(2)}) {
         bool same = ashore == satellite_key(1);

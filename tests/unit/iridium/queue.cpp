@@ -232,6 +232,66 @@ TEST_CASE("iridium: what may pass is tried again with growing pauses, what canno
     CHECK(queue.tracker.next_event() == ise::time_point::max());
 }
 
+TEST_CASE(
+    "iridium: what was sealed before the boat's session was known is sent again once it is, also after a restart") {
+    auto store = opened("unreadable");
+    queue_of_sbd queue;
+    for (std::uint32_t id : {1u, 2u, 3u}) {
+        queue.submit(start, request(id, command_kind::set_mode), 0).value();
+        REQUIRE(queue.next_due(start, {})->id == id);
+        queue.tracker.mark_unreadable(id, id != 2); // the boat may have executed 2
+        queue.on_outcome(start, id, outcome(link_outcome::kind::accepted));
+    }
+    REQUIRE(queue.on_acknowledgement(start, answer(3, command_kind::set_mode))); // over another link
+    for (const auto& entry : queue.tracker.take_changes()) store.save(entry).value();
+    queue_of_sbd again;
+    again.restore(start + 1min, store.load().value());
+    for (auto* one : {&queue, &again}) {
+        CHECK_FALSE(one->next_due(start + 2min, {}));
+        one->tracker.repeat_unreadable(civil_tracker_time(start + 2min));
+        CHECK(one->stage(1) == telecommand_stage::sent); // as it was told before
+        auto due = one->next_due(start + 2min, {});
+        REQUIRE(due);
+        CHECK(due->id == 1);
+        one->tracker.mark_unreadable(1, false);
+        one->on_outcome(start + 2min, 1, outcome(link_outcome::kind::accepted));
+        one->tracker.repeat_unreadable(civil_tracker_time(start + 3min));
+        CHECK_FALSE(one->next_due(start + 3min, {}));
+        CHECK(one->find(2)->stage == link_stage::at_gateway);
+        CHECK(one->find(3)->stage == link_stage::acknowledged);
+    }
+}
+
+TEST_CASE("iridium: what the boat cannot open is called back though the gateway has it") {
+    queue_of_sbd queue;
+    queue.submit(start, request(1, command_kind::set_mode), 0).value();
+    REQUIRE(queue.next_due(start, {}));
+    queue.tracker.mark_unreadable(1, true);
+    queue.on_outcome(start, 1, outcome(link_outcome::kind::accepted));
+    CHECK(queue.recall(start, 1, "by ana"));
+    CHECK(queue.stage(1) == telecommand_stage::failed); // it was certainly not executed
+    queue.tracker.repeat_unreadable(civil_tracker_time(start));
+    CHECK_FALSE(queue.next_due(start, {}));
+}
+
+TEST_CASE("iridium: the time of the queue does not go back where the machine starts anew with its clock set back") {
+    auto store = opened("queue_clock");
+    CHECK(store.clock().value().last == utc_time());
+    queue_clock before;
+    REQUIRE(before.read(start, ise::time_point(100h)) == start);
+    store.keep(before).value();
+    SECTION("the process alone was started anew") {
+        auto after = store.clock().value();
+        CHECK(after.read(start - 10h, ise::time_point(100h + 30s)) == start + 30s);
+    }
+    SECTION("the machine was") {
+        auto after = store.clock().value();
+        CHECK(after.read(start - 10h, ise::time_point(1min)) == start);
+        CHECK(after.read(start - 10h, ise::time_point(2min)) == start + 1min);
+        CHECK(after.read(start + 1h, ise::time_point(3min)) == start + 1h); // it was off for an hour
+    }
+}
+
 TEST_CASE("iridium: a budget that is spent holds the queue until midnight UTC") {
     queue_of_sbd queue;
     queue.submit(start, request(1, command_kind::ping, 80000), 0).value();
