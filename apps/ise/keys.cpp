@@ -67,7 +67,7 @@ auto about(const std::string& file, Work work) {
 }
 
 // The folder of an authority: ca.pem, ca-key.pem, revoked.pem once there is a list, and issued/ with what it signed. It
-// is locked from when it is read: another command would write a list of what it read, too.
+// is locked from reading to writing, so that concurrent commands lose no entry of the list.
 class office {
 public:
     explicit office(std::string folder) : folder_(std::move(folder)) {
@@ -139,7 +139,7 @@ std::string make_authority(const settings& set, const keys_options& given) {
     auto valid = days_of(given, authority_days);
     auto made = pki::authority::make(given.system, now(), valid);
     make_folder(given.authority);
-    auto lock = lock_folder(given.authority); // who finds the key waits for the certificate
+    auto lock = lock_folder(given.authority); // a command that finds the key waits for the certificate
     write_new(in(given.authority, "ca-key.pem"), made.key, secret_mode);
     write_new(in(given.authority, "ca.pem"), made.certificate, public_mode);
     done_line line{"ca", in(given.authority, "ca.pem"), "ise://" + given.system, iso_8601(now() + valid)};

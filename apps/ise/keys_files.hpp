@@ -11,7 +11,7 @@ bool is_folder(const std::string& path);
 bool is_there(const std::string& path);
 /// A new folder for its owner only; one that is there may be used.
 void make_folder(const std::string& path);
-/// Waits until no other process has the lock of a folder; it is given back with what is returned.
+/// Locks a folder, after waiting for other processes. The lock lasts as long as the returned handle.
 std::shared_ptr<const void> lock_folder(const std::string& path);
 
 /// At most 1 MiB.

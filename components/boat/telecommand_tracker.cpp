@@ -187,7 +187,7 @@ void telecommand_tracker::repeat_unreadable(tracker_time at) {
     for (auto id : table_.open()) {
         auto& e = table_.at(id);
         if (!e.unreadable || (e.stage != link_stage::at_gateway && e.stage != link_stage::delivered)) continue;
-        e.may_have_left = true; // it was told as sent, and never becomes queued again
+        e.may_have_left = true; // it was reported as sent, and never becomes queued again
         e.next_try = at.now;
         change(e, at, link_stage::waiting, "the boat could not open it, as its session was not known: is sent again");
     }

@@ -99,7 +99,7 @@ ise::task<> iridium_proxy::run() {
     s.clock = s.store.clock().value();
     s.commands.clock = [this] {
         auto at = civil_tracker_time(state_->clock.read(clock(), now()));
-        at.wall = clock(); // that boat and people are told
+        at.wall = clock(); // for the boat and for people
         return at;
     };
     s.commands.keep = [this](const tracked_telecommand& entry) { return keep_on_disk(entry); };

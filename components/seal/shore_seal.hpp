@@ -45,7 +45,7 @@ public:
     ise::result<ise::bytes> read(ise::bytes_view raw) const;
 
     const radio_key& key() const noexcept { return key_; }
-    /// Before that no boat opens what is sealed.
+    /// False: no boat can open sealed packets yet.
     bool knows_session() const noexcept { return kept_.of != no_session; }
 
 private:

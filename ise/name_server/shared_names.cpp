@@ -458,7 +458,7 @@ task<naming::register_response> shared_names::enroll(naming::register_request re
         }
         co_return response;
     }
-    struct arrival { // counted from now on, so that those who come at once do not pass the limit together
+    struct arrival { // counted from now on, so that nodes that arrive at once do not pass the limit together
         std::set<std::uint64_t>& all;
         std::uint64_t key;
         bool counted;

@@ -88,7 +88,7 @@ private:
     static task<> keep_lease(shared_names& self, std::uint64_t lease_key, std::uint64_t number);
     static task<> end_node(shared_names& self, std::uint64_t lease_key);
     task<result<void>> read_all();
-    /// What was seen has no place in the history of the store any more: all that is read next is newer.
+    /// Forgets the revisions seen so far: the store was restored from a backup, and everything read next is newer.
     void begin_anew();
     void apply(const std::vector<store_change>& changes, std::uint64_t revision);
     void apply(const store_change& change);

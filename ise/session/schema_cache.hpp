@@ -8,14 +8,14 @@
 
 namespace ise {
 
-/// The schemas of the services that a component provides or uses, by fingerprint. What a peer tells of its own packets
-/// is not here: another text can be made for any fingerprint, so a session believes its own peer only.
+/// The schemas of the services that a component provides or uses, by fingerprint. Schemas that peers
+/// send are not here: another text can be made for any fingerprint, so a session believes its own peer only.
 class schema_cache {
 public:
     void add_own(const packet_types& types);
     /// To answer for it.
     std::optional<schema> find(std::uint64_t fingerprint) const;
-    /// Only what this program declares: packets that were learnt at run time (`keep`) may be a peer's invention.
+    /// Only what this program declares: packets discovered at run time (`keep`) may be a peer's invention.
     const schema* find_declared(std::uint64_t fingerprint) const;
     /// Memory that a schema takes.
     static std::size_t cost_of(const schema& of);

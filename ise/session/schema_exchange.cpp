@@ -32,8 +32,8 @@ void schema_exchange::need(const std::vector<std::uint64_t>& fingerprints, ready
 
 const schema* schema_exchange::find(std::uint64_t fingerprint) const {
     if (const auto* declared = book_.find_declared(fingerprint)) return declared;
-    auto found = told_.find(fingerprint);
-    return found == told_.end() ? nullptr : &found->second;
+    auto found = received_.find(fingerprint);
+    return found == received_.end() ? nullptr : &found->second;
 }
 
 std::optional<failure> schema_exchange::hold(const schema& one) {
@@ -42,7 +42,7 @@ std::optional<failure> schema_exchange::hold(const schema& one) {
         return failure(errc::overloaded,
                        fmt::format("the schemas of this session would take {} bytes, {} are allowed (session_bytes)",
                                    with_it, max_bytes_));
-    told_.emplace(one.fingerprint(), one);
+    received_.emplace(one.fingerprint(), one);
     held_bytes_ = with_it;
     return std::nullopt;
 }

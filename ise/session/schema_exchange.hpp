@@ -43,8 +43,8 @@ private:
     net::connection& connection_;
     std::size_t max_bytes_;
     std::vector<question> open_;
-    std::unordered_map<std::uint64_t, schema> told_; // by the peer
-    std::size_t held_bytes_ = 0;                     // of memory, for these
+    std::unordered_map<std::uint64_t, schema> received_; // from the peer
+    std::size_t held_bytes_ = 0;                         // of memory, for these
 };
 
 } // namespace ise

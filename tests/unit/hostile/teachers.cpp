@@ -61,7 +61,7 @@ std::string fat_schema(int number) {
 } // namespace
 
 // Another text can be made for any fingerprint: the second peer's packets would be read by the first one's text.
-TEST_CASE("hostile: a schema that one peer told is not used for the packets of another") {
+TEST_CASE("hostile: a schema that one peer sent is not used for the packets of another") {
     harbour at(either());
     INFO(at.channel);
     const std::string text = "struct{mode:string,more:i8}";
@@ -74,7 +74,7 @@ TEST_CASE("hostile: a schema that one peer told is not used for the packets of a
     }
     first.peer.introduce(1, "helm", {ise::schema::parse(text).value().fingerprint(), helm.types().fingerprints[1]});
     at.all.world.run_for(1s);
-    CHECK(first.peer.count(frame_type::schema_request) == 1); // told it itself
+    CHECK(first.peer.count(frame_type::schema_request) == 1); // sent it itself
     at.others_do_not_notice();
 }
 

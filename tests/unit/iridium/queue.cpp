@@ -249,7 +249,7 @@ TEST_CASE(
     for (auto* one : {&queue, &again}) {
         CHECK_FALSE(one->next_due(start + 2min, {}));
         one->tracker.repeat_unreadable(civil_tracker_time(start + 2min));
-        CHECK(one->stage(1) == telecommand_stage::sent); // as it was told before
+        CHECK(one->stage(1) == telecommand_stage::sent); // as it was reported before
         auto due = one->next_due(start + 2min, {});
         REQUIRE(due);
         CHECK(due->id == 1);

@@ -332,7 +332,7 @@ TEST_CASE("how a link is doing is told once, and when it was heard last with it"
     CHECK(status["heard"]["gprs"] == start.time_since_epoch().count());
 }
 
-TEST_CASE("no link was heard in the future, whichever way that is told") {
+TEST_CASE("no link is shown as heard in the future, whether a packet or the archive has the time") {
     atirma::track_state state;
     state.restore_heard("gprs", start + 1h, start);
     atirma::position_update fix;
